@@ -12,12 +12,10 @@ import typer
 from taskspec.base import __version__
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import visible_json
-from taskspec.base.extras import is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
 from taskspec.cli.check import examine, print_reports, verdict
 from taskspec.cli.console import console, fail, line, say
-from taskspec.cli.docs import has_scores
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
 
@@ -81,10 +79,10 @@ class _Results:
 
         report = examine(task)
         tell(f"scores of {task.id}")
-        if is_installed("scipy") and not report.errors:
+        if not report.errors:
             try:
                 self.facts[task.id] = gather(report)
-                self.scores[task.id] = scores(report.unlimited).record()
+                self.scores[task.id] = scores(report.results).record()
             except SpecError as error:
                 self.problems += error.diagnostics
         return report
@@ -104,8 +102,7 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
         path = folder / "source" / safe_name(task.source.suite or "tasks") / f"{safe_name(task.name)}.py"
         write_text(path, compile_scalar(task).source)
     yield folder / "source", "the generated code of every environment"
-    if has_scores():
-        yield _json(folder / "scores.json", results.scores), "optimal, expert, random and worst returns"
+    yield _json(folder / "scores.json", results.scores), "optimal, expert, random and worst returns"
     suite = gather_pages(tasks, facts=results.facts)
     for name, what in DOCS.items():
         write_pages(suite, [name], folder / name)

@@ -160,9 +160,6 @@ def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic])
         out.print()
     out.print(_table(reports))
     out.print()
-    skipped = [each.skipped for report in reports for each in report.tasks]
-    for reason in dict.fromkeys(filter(None, skipped)):
-        out.print(reason, style="warn")
 
 
 def _table(reports: Sequence[FileReport]) -> Columns:
@@ -170,6 +167,7 @@ def _table(reports: Sequence[FileReport]) -> Columns:
     if any(each.id is not None for each in tasks):
         headers = ["validated by", "settings", "claims"]
         headers += [name for name in ("examples", "symmetries") if any(getattr(each, name) for each in tasks)]
+        headers += ["sanity"] * any(each.untried for each in tasks)
     else:
         headers = [""]
     table = Columns("", "", *headers, names=1, spare=range(len(headers) + 1, 2, -1))
@@ -179,23 +177,37 @@ def _table(reports: Sequence[FileReport]) -> Columns:
             table.add_row("", VisibleText(f"  {plural(report.entries, ENTRIES[report.kind])}", style="quiet"))
         for each in report.tasks:
             cells = {
-                "settings": f"{each.cases} tried" * bool(each.cases),
-                "claims": _decided(each.claims),
+                "settings": _settings(each),
+                "claims": _decided(each.claims, each.untried_claims),
                 "examples": f"{each.wrong_examples} wrong" * bool(each.wrong_examples) or str(each.examples or ""),
                 "symmetries": _decided(each.symmetries),
+                "sanity": f"{len(each.untried)} not checked" * bool(each.untried),
             }
             name = VisibleText(f"  {each.id or each.name}", style="name")
             table.add_row(_mark(each.diagnostics), name, each.how, *(cells[header] for header in headers[1:]))
     return table
 
 
-def _decided(records: Sequence[dict[str, Any]]) -> str:
-    """Return how many claims or symmetries are proved, as `8 proved`; `3 (2 tested)` are three with one that is proved."""
+def _settings(each: Checked) -> str:
+    tried = f"{each.cases} tried" * bool(each.cases)
+    untried = f"{each.untried_cases} not checked" * bool(each.untried_cases)
+    return ", ".join(filter(None, (tried, untried)))
+
+
+def _decided(records: Sequence[dict[str, Any]], untried: int = 0) -> str:
+    """Return how many claims or symmetries are proved, as `8 proved`; `3 (2 tested)` are three with one that is proved.
+
+    Args:
+        untried: how many were not evaluated, beside the records.
+    """
     statuses = Counter(record["status"] for record in records)
     proved = statuses["proved"]
     tested = statuses["tested"]
-    if len(records) > proved + tested:
-        return f"{len(records) - proved - tested} failed"
+    undecided = statuses["undecided"]
+    failed = len(records) - proved - tested - undecided
+    if failed or undecided or untried:
+        counts = {"failed": failed, "not decided": undecided, "not checked": untried}
+        return ", ".join(f"{number} {word}" for word, number in counts.items() if number)
     if proved and tested:
         return f"{len(records)} ({tested} tested)"
     if proved:
@@ -236,7 +248,20 @@ def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], secon
         found.append("no errors, no warnings", "good")
     if accepted:
         found.append(", ").append(f"{plural(accepted, 'warning')} accepted", "quiet")
+    for noun, number in _untried(reports).items():
+        if number:
+            found.append(", ").append(f"{plural(number, noun)} not checked", "warn")
     return found.append(f"  ({seconds:.2f} s)", "quiet")
+
+
+def _untried(reports: Sequence[FileReport]) -> dict[str, int]:
+    """Return the numbers of claims, settings and sanity checks that were not tried."""
+    tasks = [each for report in reports for each in report.tasks]
+    return {
+        "claim": sum(each.untried_claims for each in tasks),
+        "setting": sum(each.untried_cases for each in tasks),
+        "sanity check": sum(len(each.untried) for each in tasks),
+    }
 
 
 def _print_json(reports: Sequence[FileReport], problems: Sequence[Diagnostic], seconds: float) -> None:
@@ -272,6 +297,7 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.method, "other_parameter_values": each.cases, "claims_proved": statuses.count("proved"),
         "claims_tested": statuses.count("tested"), "claims": each.claims, "examples": each.examples,
-        "examples_wrong": each.wrong_examples, "skipped": each.skipped, "symmetries": each.symmetries,
-        "seconds": round(each.seconds, 6),
+        "examples_wrong": each.wrong_examples, "claims_not_checked": each.untried_claims,
+        "other_parameter_values_not_checked": each.untried_cases, "warnings_not_looked_for": each.untried,
+        "symmetries": each.symmetries, "seconds": round(each.seconds, 6),
     }  # fmt: skip

@@ -11,7 +11,6 @@ from typer import Option
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
-from taskspec.base.extras import install, is_installed
 from taskspec.base.files import near
 from taskspec.base.limits import telling
 from taskspec.cli import options
@@ -59,7 +58,7 @@ def docs(
     figures at these values.
 
     As a static site (html), files to include in a paper and a standalone document (latex, pdf), or for a repository
-    (markdown). Returns and verdicts on claims are computed for this, where SciPy is installed.
+    (markdown). Returns and verdicts on claims are computed for this.
 
     A spec with an error is reported and left out; exit status 1 then.
     """
@@ -84,7 +83,7 @@ def docs(
                 warnings += set_aside(task, undrawn)[0]
         if not tasks:
             raise SpecError(problems)
-        facts = _facts_of(tasks, problems) if results and has_scores() else {}
+        facts = _facts_of(tasks, problems) if results else {}
         written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
     print_diagnostics([*problems, *warnings])
     if not written:  # of figures alone, as every task has a page
@@ -122,14 +121,6 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
     return tasks, problems
 
 
-def has_scores() -> bool:
-    """Return whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
-    if is_installed("scipy"):
-        return True
-    say(f"scores and verdicts need scipy, and are left out: {install('exact')}", err=True)
-    return False
-
-
 def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
     """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
     from taskspec.show.pages.facts import gather
@@ -160,12 +151,12 @@ def card(
     """
     from taskspec.language.targets import task_of
     from taskspec.show.pages import card as cards
-    from taskspec.show.pages.facts import Facts, gather
+    from taskspec.show.pages.facts import gather
 
     options.checked_choice("--format", format, ("md", "json"))
     found = task_of(task, variant, parameters or [], modifiers or [])
     with progress("scores"):
-        facts = gather(found) if has_scores() else Facts()
+        facts = gather(found)
     content = cards.linked_data(found, facts)
     if format == "json":
         write_json(content)

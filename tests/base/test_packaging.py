@@ -36,7 +36,6 @@ except taskspec.SpecError as error:
 
 
 MISSING = {
-    "exact": ("scipy", "from taskspec.exact import extract; extract('RiskyPath')"),
     "numba": ("numba", "taskspec.make_vec('RiskyPath', num_envs=2, backend='numba')"),
     "jax": ("jax", "taskspec.make_vec('RiskyPath', num_envs=2, backend='jax')"),
     "learners": ("jax", "import taskspec.learn.learners.deep"),
@@ -127,7 +126,7 @@ def test_every_extra_that_code_asks_for_is_declared() -> None:
         if len(call.args) > places[call.func.id]
     }
     names = {node.value for node in asked if isinstance(node, ast.Constant)}
-    assert {"exact", "figures", "docs"} <= names <= set(EXTRAS)
+    assert {"figures", "docs"} <= names <= set(EXTRAS)
 
 
 def test_extras_may_be_installed_together_with_the_newest_versions() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy import stats
 
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -67,7 +67,6 @@ PLANNED = [path for path in varied_files() if "\nexpert: optimal" in path.read_t
 
 @pytest.mark.parametrize("path", sparse(PLANNED, 3), ids=lambda path: path.stem)
 def test_planned_experts_act_on_the_exact_model(path: Path) -> None:
-    pytest.importorskip("scipy")
     solved = Done("solve", path, "--json").data
     rolled = Done("run", path, "--policy", "expert", "-n", 50, "--max-steps", 300, "--json").data  # 0.9**300 is nothing
     low, high = rolled["confidence_95"]
@@ -146,7 +145,6 @@ def test_summary_in_words() -> None:
 
 
 def test_quantiles_of_student() -> None:
-    stats = pytest.importorskip("scipy.stats")
     for freedom in (*range(1, 40), 99, 999):
         assert math.isclose(rollouts.student(freedom), stats.t.ppf(0.975, freedom), abs_tol=5e-3)
 
@@ -155,7 +153,6 @@ def test_quantiles_of_student() -> None:
 
 
 def test_solve_is_exact_where_it_can_be() -> None:
-    pytest.importorskip("scipy")
     data = Done("solve", "RiskyPath", "--json").data
     assert {name: data[name]["value"] for name in ("optimal", "expert", "random", "worst")} == {
         "optimal": 4, "expert": 4, "random": -122.21875, "worst": -247.5,
@@ -165,7 +162,6 @@ def test_solve_is_exact_where_it_can_be() -> None:
 
 
 def test_score_of_a_run_with_kept_scores(tmp_path: Path) -> None:
-    pytest.importorskip("scipy")
     kept, returns = tmp_path / "scores.json", tmp_path / "returns.json"
     assert Done("solve", "RiskyPath", "-o", kept).status == 0
     returns.write_text(Done("run", "RiskyPath", "--policy", "expert", "--json").out)
@@ -177,7 +173,6 @@ def test_score_of_a_run_with_kept_scores(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["1.5\n2.5\n", "return\n1.5\n2.5\n", '#{"t": 0}\nr,l,t\n1.5,5,0.1\n2.5,5,0.2\n'])
 def test_returns_from_csv(text: str, tmp_path: Path) -> None:
-    pytest.importorskip("scipy")
     (tmp_path / "r.csv").write_text(text)
     data = Done("score", "RiskyPath", tmp_path / "r.csv", "--json").data
     assert (data["mean_return"], data["episodes"]) == (2.0, 2)
@@ -185,7 +180,6 @@ def test_returns_from_csv(text: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "{}", '["a"]', "nothing"])
 def test_files_without_returns_are_refused(text: str, tmp_path: Path) -> None:
-    pytest.importorskip("scipy")
     (tmp_path / "r.json").write_text(text)
     assert "contains no returns" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
     (tmp_path / "r.json").write_text("[1, NaN]")
@@ -220,20 +214,6 @@ def test_docs_in_the_formats_asked_for(tmp_path: Path) -> None:
     assert Done("docs", "Branching", "-f", "word", "-o", tmp_path).status == 2
     assert Done("figure", "RiskyPath", "-o", tmp_path / "deep" / "r.svg").status == 0
     assert "<svg" in (tmp_path / "deep" / "r.svg").read_text()
-
-
-def test_pages_need_no_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("scipy", "scipy.sparse"):
-        monkeypatch.setitem(sys.modules, module, None)
-    done = Done("docs", "RiskyPath", "-f", "markdown", "-o", tmp_path / "docs")
-    assert done.status == 0, done.err
-    assert 'pip install -e ".[exact]"' in done.err
-    assert "Exact scores" not in (tmp_path / "docs" / "risky-path.md").read_text()
-    done = Done("build", "RiskyPath", "-o", tmp_path / "build")
-    assert done.status == 0, done.err
-    assert 'pip install -e ".[exact]"' in done.err
-    assert (tmp_path / "build" / "markdown" / "risky-path.md").is_file()
-    assert not (tmp_path / "build" / "scores.json").exists()
 
 
 def test_docs_go_on_after_a_broken_spec(tmp_path: Path) -> None:

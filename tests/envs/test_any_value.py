@@ -125,8 +125,6 @@ def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
         ("jax", "import taskspec; taskspec.make_vec('RiskyPath', backend='jax')", "jax"),
         ("numba", "import taskspec; taskspec.make_vec('RiskyPath', backend='numba')", "numba"),
         ("stable_baselines3", "from taskspec.envs.sb3 import Sb3VecEnv", "sb3"),
-        ("scipy", "from taskspec.exact import extract; extract('RiskyPath')", "exact"),
-        ("scipy", "from taskspec.exact import scores; scores('RiskyPath')", "exact"),
         ("matplotlib", "import taskspec; taskspec.make('RiskyPath', render_mode='rgb_array')", "figures"),
         ("matplotlib", "from taskspec.show.pages import figure; figure('RiskyPath', 'a.png')", "figures"),
         ("pygame", "import taskspec; from taskspec.envs import window; window.play(taskspec.make('Sort'))", "play"),

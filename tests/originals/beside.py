@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import taskspec
 from taskspec.envs.state import flat_state
@@ -196,7 +197,6 @@ def among_outcomes(
     Returns:
         The number of episodes that ended.
     """
-    stats = pytest.importorskip("scipy.stats")
     outcomes = OutcomesOf(task)
     rng = np.random.default_rng(3)
     uniform = []

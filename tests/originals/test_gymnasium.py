@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
+from scipy import stats
 
 import taskspec
 from taskspec.envs.data.tabular import tabular
@@ -21,8 +22,6 @@ from taskspec.language import draws
 from taskspec.language.expressions.variates import WordLayout
 from tests.originals.beside import ALPHA, STEPS, Case, Gymnasium, among_outcomes, any_action, cases, side_by_side
 from tests.shared.specs import spec_file
-
-stats = pytest.importorskip("scipy.stats")
 
 LAKES = {
     **MAPS,

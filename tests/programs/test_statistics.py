@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from taskspec.envs.env import Environment
 from taskspec.envs.vector import VectorEnvironment
@@ -24,8 +25,6 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.sparse import sparse
-
-stats = pytest.importorskip("scipy.stats")
 
 BACKENDS = ("scalar", "numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))
 """JAX compiles for half a minute, and its draws are compared to the bit in `test_backends_jax`."""

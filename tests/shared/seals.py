@@ -9,9 +9,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy import stats
 
 pytest.importorskip("seals")
-stats = pytest.importorskip("scipy.stats")
 
 ALPHA = 1e-5
 State = dict[str, Any]

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -14,7 +15,7 @@ from taskspec.base.extras import need
 from taskspec.envs.data.episodes import EXTRA, Seen
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
-from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse
 from taskspec.exact.policies.policy import named
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.ir import Role, draws, reads
@@ -67,7 +68,7 @@ class Tabular:
     def sparse(self) -> tuple[Sparse, ...]:
         """For each action the probabilities of the next states, A sparse matrices (S, S) (`scipy.sparse.csr_array`)."""
         parts = (self.going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))
-        found = tuple(scipy_sparse().csr_array(part) for part in parts)
+        found = tuple(sparse.csr_array(part) for part in parts)
         for part in found:
             part.sum_duplicates()
         return found
@@ -228,7 +229,6 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
     going = _whole(step)
     rewards = step.R
     if step.escaping is not None and step.escaping.any():
-        sparse = scipy_sparse()
         rows = np.flatnonzero(step.escaping)
         stays = sparse.csr_array((np.ones(len(rows)), (rows, rows % model.n_states)), shape=going.shape)
         going = sparse.csr_array(sparse.diags_array((~step.escaping).astype(np.float64)) @ going + stays)

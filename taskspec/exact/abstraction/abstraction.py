@@ -55,7 +55,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
         limit: non-zeros that the matrices may have, 12 bytes each; checked, like the time, in advance.
 
     Raises:
-        SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
+        SpecError: (E712) when the task is not finite or too large.
     """
     task = load(task)
     found = abstraction(task)

@@ -31,8 +31,9 @@ class Checked:
 
     `id` is None where the task could not be built, and `task` also where it was checked in another process. `how` says in a
     few words how soundness was decided, `method` in full. `cases` counts the other parameter values that were tried; `claims`
-    and `symmetries` are as `--json` writes them. `accepted` are the warnings that the spec gives a reason for, which are not
-    among the `diagnostics`.
+    and `symmetries` are as `--json` writes them. What was not checked is in `untried` (the codes of warnings that a limit kept
+    from being looked for), `untried_cases` and `untried_claims`. `accepted` are the warnings that the spec gives a reason for,
+    which are not among the `diagnostics`.
     """
 
     name: str
@@ -44,12 +45,14 @@ class Checked:
     task: Task | None = None
     method: str = ""
     cases: int = 0
-    skipped: str | None = None
     accepted: tuple[Accepted, ...] = ()
     examples: int = 0
     wrong_examples: int = 0
     claims: tuple[dict[str, Any], ...] = ()
     symmetries: tuple[dict[str, Any], ...] = ()
+    untried: tuple[str, ...] = ()
+    untried_cases: int = 0
+    untried_claims: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +139,9 @@ def check_task(file: File, variant: str | None, prove: Callable[[Task], Report])
         how = f"all {method.points:,} points" if method.points else "bounds"
     return Checked(
         task.name, variant, report.diagnostics, how, time.perf_counter() - start, task.id, task, str(method),
-        len(report.cases), report.skipped, report.accepted, report.examples, len(report.wrong_examples),
-        tuple(v.record() for v in report.verdicts), tuple(each.record() for each in report.symmetries),
+        len(report.cases), report.accepted, report.examples, len(report.wrong_examples),
+        tuple(v.record() for v in report.verdicts), tuple(each.record() for each in report.symmetries), report.untried,
+        report.untried_cases, report.untried_claims,
     )  # fmt: skip
 
 

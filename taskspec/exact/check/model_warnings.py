@@ -8,13 +8,13 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact.check.warning_context import SAME, SMALL, Doubt, LintContext, followed_states
+from taskspec.exact.check.warning_context import SAME, Doubt, LintContext, followed_states
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.rollout.rollout import at_random, is_bounded
 from taskspec.exact.scores.partial_observability import pomdp_bounds
-from taskspec.exact.scores.returns import Results
+from taskspec.exact.scores.returns import Results, Return
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.ir import Role, draws, reads
 from taskspec.language.task.build import build
@@ -28,13 +28,8 @@ ROUNDING = 1e-12
 
 
 def unreachable(context: LintContext) -> Iterator[Doubt]:
-    """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles.
-
-    Tasks without an exact model of moderate size are passed over.
-    """
-    model = context.results.model
-    if model is None or model.entries > SMALL:
-        return
+    """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles."""
+    model = context.results.known_model
     is_own = model.task is context.task
     section = ("state",) if is_own else ("abstraction", "state")
     models = [model]
@@ -133,8 +128,8 @@ def same_reward(context: LintContext) -> Iterator[Doubt]:
 
 def _later_reward(context: LintContext) -> int | None:
     """Return the first step in which a longer episode could have another reward, where all are the same up to the horizon."""
-    model = context.results.model
-    if not context.is_constant or context.paid is None or model is None or model.horizon is None or model.is_timed:
+    model = context.results.known_model
+    if not context.is_constant or context.paid is None or model.horizon is None or model.is_timed:
         return None
     level = model.start > 0
     seen = np.zeros(model.n_states, np.bool_)
@@ -162,7 +157,6 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
 
 def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
-    model = context.model
     task = context.task
     read = reads(task.process.step_roots)
     for c in task.action:
@@ -170,7 +164,9 @@ def inert(context: LintContext) -> Iterator[Doubt]:
             continue
         if (Role.ACTION, c.name) not in read:
             yield Doubt(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
-        elif model is not None and model.acting.any() and differs(model, c.name)[0] is False:
+            continue
+        model = context.results.known_model
+        if model.task is task and model.acting.any() and differs(model, c.name)[0] is False:
             message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
             yield Doubt(context.key("action", c.name), message)
 
@@ -178,13 +174,19 @@ def inert(context: LintContext) -> Iterator[Doubt]:
 def illegal(context: LintContext) -> Iterator[Doubt]:
     """Yield the condition for legal actions where a policy that ignores it can earn more."""
     task = context.task
-    best = context.results.optimal
-    if not task.mask or best is None:
+    if not task.mask:
         return
-    free = Results(with_all_actions(task), limit=context.results.limit).optimal
-    if free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
+    best = _best(context.results)
+    free = _best(Results(with_all_actions(task), limit=context.results.limit))
+    if best is not None and free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
         message = f"illegal actions pay: the best policy returns {words(free.value)}, and {words(best.value)} with legal actions"
         yield Doubt(context.key("legal"), message, "let them change nothing, or end the episode, or cost something")
+
+
+def _best(results: Results) -> Return | None:
+    """Return the best return of an exact model, which has to be there; None where it is not known to be finite."""
+    _ = results.known_model
+    return results.optimal
 
 
 def expert(context: LintContext) -> Iterator[Doubt]:

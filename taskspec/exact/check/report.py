@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
 from taskspec.base.display import html_table
-from taskspec.base.extras import install, is_installed
 from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
 from taskspec.exact.check import model_warnings, spec_warnings
 from taskspec.exact.check.warning_context import Doubt, LintContext
+from taskspec.exact.model.model import NoModel, TooLarge
 from taskspec.exact.model.points import Method
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.exact.rules.examples import wrong_examples
 from taskspec.exact.scores.returns import Results
-from taskspec.exact.soundness.soundness import check_ranges, examine
+from taskspec.exact.soundness.soundness import Ranges, check_ranges, examine
 from taskspec.language.modifiers import is_as_written
 from taskspec.language.registry import load
 from taskspec.language.task.merge import merge
@@ -42,18 +41,43 @@ KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
 
 
 def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
-    """Return the warnings about a task for its present parameters, sorted by place; without those that need a missing model.
+    """Return the warnings about a task for its present parameters, sorted by place.
+
+    Warnings that need an exact model are not looked for where the task is not finite; where a limit forbids the model, W529
+    names them.
 
     Args:
         results: of the task, where they are known already.
     """
     task = load(task)
-    context = LintContext(task, results or Results(task))
+    return _sanity(task, results or Results(task)).diagnostics
+
+
+class _Sanity(NamedTuple):
+    """Warnings, and the codes of those that were not looked for, because a limit forbids the exact model."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    untried: tuple[str, ...]
+
+
+def _sanity(task: Task, results: Results) -> _Sanity:
+    context = LintContext(task, results)
     collector = Collector()
+    untried = []
+    reason: Diagnostic | None = None
     for code, find in KINDS:
-        for doubt in find(context):
-            collector.add(code, doubt.place, doubt.message, doubt.hint, doubt.notes)
-    return collector.diagnostics
+        try:
+            for doubt in find(context):
+                collector.add(code, doubt.place, doubt.message, doubt.hint, doubt.notes)
+        except TooLarge as error:
+            untried.append(code)
+            reason = error.diagnostics[0]
+        except NoModel:
+            continue
+    if reason is not None:
+        message = f"there is no exact model to look for {', '.join(untried)}: {reason.message}"
+        collector.add("W529", context.key("name"), message, reason.hint)
+    return _Sanity(collector.diagnostics, tuple(untried))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +115,6 @@ def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) 
     return found
 
 
-MODERATE = 4_000_000  # entries up to which a model is extracted for warnings alone
-
-
 @dataclass(frozen=True)
 class Report:
     """The result of `check`.
@@ -102,7 +123,8 @@ class Report:
         method: for soundness: all points, or samples.
         cases: other parameter values that were checked.
         examples: how many were checked.
-        skipped: checks that were not possible, and the reason; None if there are none.
+        untried: codes of warnings that were not looked for, because a limit forbids the exact model.
+        untried_cases: how many other parameter values were not checked, because a limit forbids so many builds.
         accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
         wrong_examples: numbers of examples that are not confirmed.
     """
@@ -110,14 +132,21 @@ class Report:
     task: Task
     diagnostics: tuple[Diagnostic, ...]
     method: Method
+    results: Results = field(repr=False)
     cases: tuple[Mapping[str, Any], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     examples: int = 0
-    skipped: str | None = None
-    results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
     wrong_examples: frozenset[int] = frozenset()
     symmetries: tuple[SymmetryCheck, ...] = ()
+    untried: tuple[str, ...] = ()
+    untried_cases: int = 0
+
+    @property
+    def untried_claims(self) -> int:
+        """The number of claims that were not evaluated: all of them where a task is not sound, or nobody asked."""
+        claims = sum(len(claim.cases or ({},)) for claim in self.task.annotations.claims)
+        return claims - len(self.verdicts)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -126,13 +155,6 @@ class Report:
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
-
-    @cached_property
-    def unlimited(self) -> Results:
-        """Returns by a model as large as limits allow; warnings alone use a moderate one."""
-        if self.results is None or self.results.limit is not None:
-            return Results(self.task)
-        return self.results
 
     def __repr__(self) -> str:
         counts = [
@@ -170,11 +192,10 @@ def check(  # noqa: C901
     task = load(task)
     sound = examine(task)
     found = list(sound.diagnostics)
-    cases: tuple[Mapping[str, Any], ...] = ()
+    others = Ranges()
     if ranges and task.parameters:
         others = check_ranges(task)
         found += others.diagnostics
-        cases = others.cases
     symmetries = []
     for symmetry in task.annotations.symmetries if is_as_written(task) else ():
         each = verify_symmetry(task, symmetry)
@@ -189,18 +210,12 @@ def check(  # noqa: C901
         for number, problem in wrong_examples(task):
             wrong.add(number)
             found.append(problem)
-    report = Report(
-        task, (), sound.method, cases, examples=examples, wrong_examples=frozenset(wrong), symmetries=tuple(symmetries)
-    )
-    if not is_installed("scipy"):
-        skipped = None
-        if with_warnings or claims:
-            skipped = f"sanity checks and claims need scipy: {install('exact')}"
-        return replace(report, diagnostics=in_order(found), skipped=skipped)
-    results = Results(task) if task.annotations.claims else Results(task, limit=MODERATE)
+    results = Results(task)
     decided: tuple[Verdict, ...] = ()
+    untried: tuple[str, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
-        found += _warnings(task, results)
+        doubts, untried = _warnings(task, results)
+        found += doubts
     is_sound = not any(d.severity == "error" for d in sound.diagnostics)
     if claims and is_sound:
         decided = tuple(verdicts(task, results))
@@ -214,21 +229,35 @@ def check(  # noqa: C901
     left, accepted = set_aside(task, found)
     at_defaults = all(p.value == p.default for p in task.parameters)
     if with_warnings and claims and at_defaults and not has_errors:
-        left += idle(task, accepted, unknown)
-    return replace(report, diagnostics=in_order(left), verdicts=decided, results=results, accepted=tuple(accepted))
+        left += idle(task, accepted, (*unknown, *untried))
+    return Report(
+        task,
+        in_order(left),
+        sound.method,
+        results,
+        cases=others.cases,
+        verdicts=decided,
+        examples=examples,
+        accepted=tuple(accepted),
+        wrong_examples=frozenset(wrong),
+        symmetries=tuple(symmetries),
+        untried=untried,
+        untried_cases=others.untried,
+    )
 
 
-def _warnings(task: Task, results: Results) -> list[Diagnostic]:
+def _warnings(task: Task, results: Results) -> _Sanity:
     try:
         verified = results.abstraction_check
     except SpecError as error:
-        return list(error.diagnostics)
-    found = list(warnings(task, results))
+        return _Sanity(error.diagnostics, ())
+    diagnostics, untried = _sanity(task, results)
+    found = list(diagnostics)
     if verified is not None and verified.problem is not None:
         expr = next(iter(task.source.surface.sections["abstraction"].values()))
         problem = f"the abstraction is not faithful: {verified.problem}"
         found.append(Diagnostic("E604", expr.place.span, problem))
-    return found
+    return _Sanity(tuple(found), untried)
 
 
 ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed

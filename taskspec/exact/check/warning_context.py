@@ -17,7 +17,6 @@ from taskspec.language.task.merge import Merged, merge
 from taskspec.language.task.task import Task
 
 SAME = 1e-9  # numbers that differ by less, relative to their size, count as equal
-SMALL = 3_000_000  # entries of models that are searched for problems
 
 
 @dataclass(frozen=True)
@@ -32,18 +31,16 @@ class Doubt:
 
 @dataclass(frozen=True)
 class LintContext:
-    """A task with its results.
-
-    `model` is None unless the task itself, not a stand-in, has one of moderate size.
-    """
+    """A task with its results."""
 
     task: Task
     results: Results
 
     @cached_property
     def model(self) -> Model | None:
+        """The exact model of the task itself, not of a stand-in; None where there is none."""
         model = self.results.model
-        if model is None or model.task is not self.task or model.entries > SMALL:
+        if model is None or model.task is not self.task:
             return None
         return model
 
@@ -57,9 +54,7 @@ class LintContext:
     @cached_property
     def paid(self) -> tuple[float, float] | None:
         """The least and the largest expected reward of any step of any episode; None if there is no such step."""
-        model = self.results.model
-        if model is None:
-            return None
+        model = self.results.known_model
         low = []
         high = []
         levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
@@ -78,8 +73,8 @@ class LintContext:
     def is_constant(self) -> bool:
         """True if all steps have the same reward, and their number makes no difference."""
         paid = self.paid
-        model = self.results.model
-        if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
+        model = self.results.known_model
+        if paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
         return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME
 

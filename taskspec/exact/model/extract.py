@@ -10,11 +10,12 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits, tell
-from taskspec.exact.model.model import Model, NoModel, RoundingTerms, Step, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, NoModel, RoundingTerms, Step, refuse, too_large
 from taskspec.exact.model.points import Budget, Cost, duration
 from taskspec.exact.model.space import MAX_CODES, Growing, distinct, union
 from taskspec.exact.model.transitions import LOOP_FROM, Outcomes, Steps, count, is_finite
@@ -82,9 +83,8 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
         limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
 
     Raises:
-        SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
+        SpecError: (E712) when the task is not finite or too large.
     """
-    scipy_sparse()
     task = load(task)
     steps = Steps(task)
     room = _checked_room(steps, limit)
@@ -166,16 +166,16 @@ class _Room:
         size = states * self.per_state
         if size > self.most:
             message = f"the exact model would have up to {count_of(int(size))} transitions; the limit is {self.most:,}"
-            refuse(message, how_to_raise("transitions", size))
+            too_large(message, how_to_raise("transitions", size))
         seconds = limits().seconds
         needed = self.cost.seconds(size) + LAYER * (self.times - 1)
         if needed > seconds:
             message = f"the exact model would take {duration(needed)}; the limit is {seconds}"
-            refuse(message, how_to_raise("seconds", needed))
+            too_large(message, how_to_raise("seconds", needed))
         needed = self.horizon * (size / self.times + OVERHEAD) / SWEEP
         if needed > seconds:
             message = f"to plan an episode of {self.horizon:,} steps takes {duration(needed)}; the limit is {seconds}"
-            refuse(message, how_to_raise("seconds", needed))
+            too_large(message, how_to_raise("seconds", needed))
 
 
 def _check_step(model: Model, step: Step, t: int) -> None:
@@ -205,11 +205,11 @@ def _check_finite(steps: Steps) -> None:
             if count([draw], {}) == math.inf:
                 refuse(f"a step draws from a {draw.base} distribution, which has infinitely many outcomes")
         message = f"a step has up to {steps.branching:,.0f} outcomes; the limit is {most:,}"
-        refuse(message, how_to_raise("outcomes", steps.branching))
+        too_large(message, how_to_raise("outcomes", steps.branching))
     if steps.uses_time and task.horizon is None:
         refuse("dynamics or rewards depend on the time, and there is no horizon")
     if steps.states.size > MAX_CODES or steps.actions.size > MOST_ACTIONS:
-        refuse(f"there are {count_of(steps.states.size)} states and {count_of(steps.actions.size)} actions")
+        too_large(f"there are {count_of(steps.states.size)} states and {count_of(steps.actions.size)} actions")
 
 
 # -- the states that episodes visit: a search from the start, level by level, up to the horizon ---------------------------
@@ -251,7 +251,7 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
         if limit is not None and entered.size > limit:
             costs = f", {each}" if each else ""
             remedy = f"choose smaller parameters, or: {hint}" if hint else None
-            refuse(f"more than {limit:,} states can be reached{costs}", remedy)
+            too_large(f"more than {limit:,} states can be reached{costs}", remedy)
         if not len(level) or t == horizon:
             return Visits(acting.all(), entered.all())
         budget.spend(merging, len(level), LEVEL)
@@ -410,7 +410,7 @@ def _assembled(parts: list[Rows], states: int) -> Step:
         entries = [_only(flags, weights, columns, indptr) for flags in (~ends, ends)]
     matrices = []
     for entry in entries:
-        matrix = scipy_sparse().csr_array(entry, shape=(len(counts), states))
+        matrix = sparse.csr_array(entry, shape=(len(counts), states))
         if len(columns) <= TIDY:
             matrix.sum_duplicates()
             matrix.eliminate_zeros()
@@ -472,7 +472,7 @@ def tabulated(
     matrices = []
     for kept in (~ends, ends):
         entries = (p[kept], (row[kept], to[kept].astype(np.int32)))
-        matrices.append(scipy_sparse().csr_array(entries, shape=shape))
+        matrices.append(sparse.csr_array(entries, shape=shape))
     rounding = RoundingTerms(int(np.bincount(row).max()), min(0.0, reward.min()), max(0.0, reward.max()))
     step = Step(matrices[0], matrices[1], np.bincount(row, p * reward, shape[0]), rounding)
     numbers = {"last_state": n - 1, "last_action": actions - 1, "horizon": horizon or "none", "discount": discount}

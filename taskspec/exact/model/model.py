@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.extras import need
 from taskspec.exact.model.space import Space, entries_of, shown
 from taskspec.language.expressions.ir import Role
 from taskspec.language.task.legal import choices
@@ -27,14 +27,18 @@ def refuse(message: str, hint: str | None = None) -> NoReturn:
     raise NoModel([Diagnostic("E712", None, message, hint)])
 
 
+class TooLarge(NoModel):
+    """A limit forbids the exact model that a finite task has (E712)."""
+
+
+def too_large(message: str, hint: str | None = None) -> NoReturn:
+    """Raise `TooLarge`."""
+    raise TooLarge([Diagnostic("E712", None, message, hint)])
+
+
 def misused(message: str, hint: str | None = None) -> NoReturn:
     """Raise: a function was not called as it can be (E713)."""
     raise SpecError([Diagnostic("E713", None, message, hint)])
-
-
-def scipy_sparse() -> Any:
-    """`scipy.sparse`, imported on first use."""
-    return need("scipy.sparse", "exact", "an exact model")
 
 
 # Shapes: S states, A actions, T steps. Rows of matrices are action-major: row a*S + s is action a in
@@ -319,7 +323,7 @@ def differs(model: Model, action: str, state: str | None = None) -> tuple[bool |
         value = model.states.decode(model.codes)[Role.STATE, state].reshape(-1, n)
         keys = np.asarray(np.unique(value, axis=1, return_inverse=True)[1]).reshape(-1)
     shape = (n, int(keys.max()) + 1)
-    collapse = scipy_sparse().csr_array((np.ones(n), (np.arange(n), keys)), shape=shape)
+    collapse = sparse.csr_array((np.ones(n), (np.arange(n), keys)), shape=shape)
     unsure: str | None = None
     for step in {id(x): x for x in model.steps}.values():
         parts = [matrix @ collapse for matrix in step.matrices]

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.exact.model.model import refuse
+from taskspec.exact.model.model import too_large
 from taskspec.exact.model.space import Reads, Space
 from taskspec.language.expressions.ir import Const, Draw, Node, Role, walk
 from taskspec.language.expressions.types import Kind, total_size
@@ -232,7 +232,7 @@ class Budget:
         self.spent += cost.seconds(points) + beside
         if self.spent > self.most:
             message = f"{self.what} take more than {self.most} seconds, the limit"
-            refuse(message, how_to_raise("seconds", 10 * self.most))
+            too_large(message, how_to_raise("seconds", 10 * self.most))
 
 
 UNITS = ((86_400, "days"), (3_600, "hours"), (60, "minutes"), (1, "seconds"))

@@ -16,7 +16,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.lump import lumped
-from taskspec.exact.model.model import refuse
+from taskspec.exact.model.model import refuse, too_large
 from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.batch import evaluate
@@ -346,11 +346,13 @@ class Steps:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""
         found = count(draws(self.first), {})
         most = limits().outcomes
+        if found == math.inf:
+            refuse("the start is drawn from a distribution that has infinitely many outcomes")
         if found > most:
             message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
-            refuse(message, how_to_raise("outcomes", found))
+            too_large(message, how_to_raise("outcomes", found))
         if self.states.size > MAX_CODES:
-            refuse(f"there are {count_of(self.states.size)} states")
+            too_large(f"there are {count_of(self.states.size)} states")
         codes = []
         weights = []
         for values, _, weight in joint_outcomes(self.first, {}, 1, numbers):

@@ -14,7 +14,6 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
-from taskspec.base.extras import is_installed
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.rollout.rollout import State, expert_actions
 from taskspec.exact.scores.returns import Given, Results, Return
@@ -290,7 +289,7 @@ class NamedPolicy(TaskPolicy):
     @cached_property
     def value(self) -> Return | None:
         results = self.results
-        if not is_installed("scipy") or results.model is None or results.enclosure(self.which) is None:
+        if results.model is None or results.enclosure(self.which) is None:
             return None
         if self.which == "expert":
             return results.expert

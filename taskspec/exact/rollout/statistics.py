@@ -18,9 +18,9 @@ from statistics import NormalDist
 from typing import Any, Literal, TypeVar
 
 import numpy as np
+from scipy import special
 
 from taskspec.base.arrays import Array
-from taskspec.base.extras import need
 from taskspec.exact.solve.enclosure import Enclosure
 
 Name = TypeVar("Name", bound=Hashable)
@@ -165,7 +165,6 @@ def _two_values(values: Array) -> tuple[float, float, int] | None:
 @lru_cache(maxsize=64)
 def _rate_quantiles(successes: int, count: int, levels: tuple[float, ...]) -> Array:
     """Return the quantiles of a rate: ends of Clopper-Pearson intervals, lower ones below 1/2, upper ones above."""
-    special = need("scipy.special", "exact")
     low = np.zeros(len(levels))
     high = np.ones(len(levels))
     if successes > 0:
@@ -190,7 +189,7 @@ def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
 @lru_cache(maxsize=64)
 def _student_quantiles(freedom: int, levels: tuple[float, ...]) -> Array:
     """Return the quantiles of Student's distribution."""
-    quantiles: Array = need("scipy.special", "exact").stdtrit(freedom, levels)
+    quantiles: Array = special.stdtrit(freedom, levels)
     return quantiles
 
 
@@ -214,7 +213,7 @@ def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     deviations = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
     correction = count / (count - deviations)
     error = correction * math.sqrt(max(0.0, kurtosis - (count - 3) / count) / (count - 1))
-    logs = math.log(correction * variance) + error * need("scipy.special", "exact").ndtri(levels)
+    logs = math.log(correction * variance) + error * special.ndtri(levels)
     quantiles: Array = np.exp(logs / 2)
     return quantiles
 
@@ -353,5 +352,5 @@ def _welch_interval(first: Array, second: Array) -> tuple[float | None, float | 
     if parts == 0:
         return effect, effect
     tail = (1 - CONFIDENCE) / 2
-    reach = -math.sqrt(a + b) * float(need("scipy.special", "exact").stdtrit((a + b) ** 2 / parts, tail))
+    reach = -math.sqrt(a + b) * float(special.stdtrit((a + b) ** 2 / parts, tail))
     return effect - reach, effect + reach

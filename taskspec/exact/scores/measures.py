@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count, how_to_raise, limits
-from taskspec.exact.model.model import Model, misused, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.space import entries_of, holds
 from taskspec.exact.model.transitions import Steps, merge_outcomes
 from taskspec.exact.scores.lookahead import SWEEP_RATE
@@ -148,7 +149,7 @@ def reward_chance(model: Model) -> float:
     found = steps.at(0)
     unpaid = (found.reward == 0) & ~found.ends
     entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
-    matrix = scipy_sparse().csr_array(entries, shape=(n, n))
+    matrix = sparse.csr_array(entries, shape=(n, n))
     now = backup(0, np.zeros(n))
     return float(model.start @ chain_values(matrix, now, leading_to(matrix, now > 0)))
 

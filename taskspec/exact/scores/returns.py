@@ -166,8 +166,6 @@ class Results(InNotebooks):
                 refuse(f"the abstraction is not proved: {check.why_not}")
             return extract(task, limit=self.limit)
         except SpecError as error:
-            if any(d.code == "E705" for d in error.diagnostics):
-                raise
             return error
 
     @property
@@ -178,10 +176,10 @@ class Results(InNotebooks):
 
     @property
     def known_model(self) -> Model:
-        """The exact model; raises E712 where there is none."""
-        if self.model is None:
-            refuse(self.why_not or "there is no exact model", self.remedy)
-        return self.model
+        """The exact model; raises E712 where there is none, as `TooLarge` where a limit forbids it."""
+        if isinstance(self._extracted, SpecError):
+            raise self._extracted
+        return self._extracted
 
     @property
     def why_not(self) -> str | None:

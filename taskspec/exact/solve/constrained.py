@@ -19,14 +19,14 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
-from taskspec.base.extras import need
 from taskspec.base.limits import limits as cost_limits
 from taskspec.base.limits import tell
 from taskspec.exact.model.extract import extract, with_reward
-from taskspec.exact.model.model import Model, misused, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.solve.infinite_horizon import HINT, UNENDING
 from taskspec.language.registry import load
 from taskspec.language.task.task import TaskLike
@@ -182,7 +182,6 @@ class Occupancies:
 
     def _flow(self) -> tuple[Any, Array]:
         """Return the equations of occupancies: a matrix, and its right side."""
-        sparse = scipy_sparse()
         gamma = self.model.discount
         size = len(self.levels)
         blocks: list[list[Any]] = [[None] * size for _ in range(size)]
@@ -225,7 +224,9 @@ class Occupancies:
                 sign = -1.0
             rows[row] = sign * self.gains[limit.measure]
             bounds[row] = sign * limit.bound
-        found = need("scipy.optimize", "exact", "a linear program").linprog(
+        from scipy.optimize import linprog  # a quarter of a second, for this alone
+
+        found = linprog(
             -objective, rows, bounds, self.flow, self.start, method="highs",
             options={"time_limit": float(cost_limits().seconds)},
         )  # fmt: skip

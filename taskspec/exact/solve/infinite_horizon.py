@@ -16,10 +16,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from taskspec.base.arrays import Array
-from taskspec.base.extras import need
-from taskspec.exact.model.model import Model, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.solve.bounded import QUIET, UNIT, Bound, Bounded, Policy
 from taskspec.exact.solve.enclosure import Enclosure, negative
 
@@ -57,9 +58,9 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
     if len(states) > DIRECT:
         found[states] = fixed_point(lambda v: r + P @ v, r, P.nnz)
         return found
-    left = scipy_sparse().identity(len(r), format="csc") - P.tocsc()
+    left = sparse.identity(len(r), format="csc") - P.tocsc()
     try:
-        factors = need("scipy.sparse.linalg", "exact", "an exact model").splu(left)
+        factors = splu(left)
     except RuntimeError:  # singular
         refuse(UNENDING, HINT)
     v = factors.solve(r)
@@ -88,7 +89,7 @@ def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Arr
 def followed(P: Any, policy: Array) -> Any:
     """Return the transitions (S, S) of a policy (A, S), from those of all actions (A*S, S)."""
     columns = np.tile(np.arange(policy.shape[1]), len(policy))
-    choice = scipy_sparse().csr_array((policy.reshape(-1), (columns, np.arange(len(columns)))))
+    choice = sparse.csr_array((policy.reshape(-1), (columns, np.arange(len(columns)))))
     return (choice @ P).tocsr()
 
 

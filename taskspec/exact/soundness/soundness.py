@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
-from taskspec.base.limits import also, limits, tell
+from taskspec.base.display import plural
+from taskspec.base.limits import also, how_to_raise, limits, tell
 from taskspec.exact.model.extract import number_words, outside_domain
 from taskspec.exact.model.points import Method
 from taskspec.exact.model.space import Reads, domain, shown, words
@@ -26,6 +27,7 @@ from taskspec.language.expressions.ir import Role, reads
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
 from taskspec.language.task.build import build
+from taskspec.language.task.merge import merge
 from taskspec.language.task.parts import Component, Parameter
 from taskspec.language.task.task import Task, TaskLike
 
@@ -194,10 +196,11 @@ def soundness(task: TaskLike) -> list[Diagnostic]:
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """Soundness over declared ranges of parameters: the cases tried, and the first case of each problem."""
+    """Soundness over declared ranges of parameters: the cases tried, the first case of each problem, and how many are left."""
 
-    diagnostics: tuple[Diagnostic, ...]
-    cases: tuple[Mapping[str, Any], ...]
+    diagnostics: tuple[Diagnostic, ...] = ()
+    cases: tuple[Mapping[str, Any], ...] = ()
+    untried: int = 0
 
 
 def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
@@ -205,17 +208,18 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
     one, is tried up to a few times the default. Values that a `require` forbids are passed over. No more are tried
-    once their builds together would read more than a fifth of the expressions that one task may have.
+    once their builds together would read more than a fifth of the expressions that one task may have; W529 says how many.
     """
     task = load(task)
     others = cases(task)
     if not others:
-        return Ranges((), ())
+        return Ranges()
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
     found: list[Diagnostic] = []
     tried = []
+    untried = 0
     left = limits().expressions // SHARE
-    for values in others:
+    for number, values in enumerate(others):
         wrong: list[Diagnostic] = []
         try:
             with also(f"expressions={left}"):
@@ -223,7 +227,9 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                     build(task.source.document, task.source.variant, values, task.source.suite), *task.modifiers
                 )
         except TooManyExpressions:
-            break  # it costs too much to try
+            untried = len(others) - number
+            found.append(_too_many(task, untried))
+            break
         except SpecError as error:
             for diagnostic in error.diagnostics:
                 if diagnostic.code not in FORBIDDEN:
@@ -236,7 +242,17 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
             if (diagnostic.code, diagnostic.span) not in known:
                 known.add((diagnostic.code, diagnostic.span))
                 found.append(diagnostic)
-    return Ranges(tuple(found), tuple(tried))
+    return Ranges(tuple(found), tuple(tried), untried)
+
+
+def _too_many(task: Task, untried: int) -> Diagnostic:
+    """Return the warning that some settings of a task are not checked, since they have too many expressions."""
+    most = limits().expressions
+    message = (
+        f"{plural(untried, 'other setting')} not checked: all together have more than {most // SHARE:,} expressions"
+    )
+    place = merge(task.source.document, task.source.variant).key_span(("parameters",))
+    return Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most))
 
 
 def cases(task: Task) -> list[dict[str, Any]]:

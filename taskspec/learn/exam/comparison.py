@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy import special
 from typing_extensions import TypedDict
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed, interval
-from taskspec.base.extras import need
 from taskspec.exact.rollout.statistics import CONFIDENCE
 from taskspec.learn.exam.curves import steps_to
 from taskspec.learn.exam.results import Exam
@@ -150,7 +150,7 @@ def _estimated(
                 rest = [*sample[:task], np.delete(runs, i), *sample[task + 1 :]]
                 without.append(statistic(*samples[:k], rest, *samples[k + 1 :]))
             variance += (len(runs) - 1) * float(np.var(without))
-    half = math.sqrt(variance) * float(need("scipy.special", "exact").stdtrit(max(1.0, freedom), 0.5 + CONFIDENCE / 2))
+    half = math.sqrt(variance) * float(special.stdtrit(max(1.0, freedom), 0.5 + CONFIDENCE / 2))
     low = value - half
     if most < math.inf:
         low = max(0.0, low)

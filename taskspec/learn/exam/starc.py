@@ -14,6 +14,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import SpecError
@@ -196,8 +197,6 @@ class RewardMdp:
 
     def _stationary(self, R: Array, pi: Array) -> Array:
         """Return V (S,) of a policy (S, A) without a horizon."""
-        from scipy import sparse
-
         moves = sum(sparse.diags_array(pi[:, a]) @ part for a, part in enumerate(self.model.sparse))
         everywhere = np.ones(self.model.n_states, np.bool_)
         return chain_values((self.model.discount * moves).tocsr(), (pi * R).sum(axis=1), everywhere)

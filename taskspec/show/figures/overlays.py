@@ -60,7 +60,7 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
         model: that of the task, where it is known already.
 
     Raises:
-        SpecError: for another name (E713), without an exact model (E712) or scipy (E705).
+        SpecError: for another name (E713), or without an exact model (E712).
     """
     wanted = set(names)
     for unknown in sorted(wanted - set(OVERLAYS)):

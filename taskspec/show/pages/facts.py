@@ -50,13 +50,9 @@ class Setting:
 
 
 def gather(task: TaskLike | Report) -> Facts:
-    """Return scores and verdicts of a task; those of a report with claims are not worked out again.
-
-    Raises:
-        SpecError: (E705) without scipy.
-    """
+    """Return scores and verdicts of a task; those of a report with claims are not worked out again."""
     if isinstance(task, Report):
-        return _facts(task.unlimited, task.verdicts, task.wrong_examples)
+        return _facts(task.results, task.verdicts, task.wrong_examples)
     found = Results(load(task))
     return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -66,22 +65,11 @@ def test_episodes_are_those_of_the_environment(task: Any) -> None:
 
 @pytest.mark.parametrize("policy", ["optimal", "soft(0.5)", "epsilon(0.3)", "random"])
 def test_policies_earn_what_the_exact_model_says(policy: str) -> None:
-    pytest.importorskip("scipy")
     data = demonstrations("RiskyPath", policy, episodes=4000, seed=1)
     returns = data.returns()
     error = returns.std() / len(returns) ** 0.5
     assert abs(returns.mean() - data.metadata["return"]["value"]) <= 4 * error
     assert data.metadata["return"]["status"] == "exact"
-
-
-@pytest.mark.parametrize("policy", ["expert", "epsilon(0.1)", "random"])
-def test_experts_in_words_need_no_scipy(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("scipy", "scipy.sparse"):
-        monkeypatch.setitem(sys.modules, module, None)
-    done = Done("demos", "RiskyPath", "--policy", policy, "-n", 2, "-o", tmp_path / "x.npz", "--json")
-    assert done.status == 0, done.err
-    assert done.data["return"] is None
-    assert Done("demos", "RiskyPath", "--policy", "optimal", "-o", tmp_path / "x.npz").status == 1
 
 
 def test_modified_tasks_are_what_is_recorded(tmp_path: Path) -> None:
@@ -283,7 +271,6 @@ WRONG = [
 def test_mistakes_are_told_and_nothing_is_written(
     command: list[str], code: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("scipy")
     monkeypatch.chdir(tmp_path)
     Path("m.py").write_text("def seven(seen):\n    return 7\n\n\ndef fails(seen):\n    return 1 / 0\n")
     done = Done(*command)

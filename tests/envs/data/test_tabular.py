@@ -13,7 +13,6 @@ from taskspec.exact import scores
 from tests.shared.commands import Done
 from tests.shared.specs import spec_file
 
-pytest.importorskip("scipy")
 TASKS = [
     "RiskyPath",
     "Branching",

@@ -12,7 +12,6 @@ from taskspec.envs.data.episodes import Trajectory
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 
-pytest.importorskip("scipy")
 RANGE = {"RiskyPath": (-247.5, 4.0), "NoisyObs": (0.0, 12.0)}
 
 

@@ -276,25 +276,7 @@ def test_a_report_says_everything() -> None:
     assert found.method.exact
     assert len(found.cases) == 4
     assert all(v.status == "proved" for v in found.verdicts)
-    assert found.skipped is None
-
-
-def test_without_scipy_soundness_is_still_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    from taskspec.exact.check import report
-
-    monkeypatch.setattr(report, "is_installed", lambda module: False)
-    found = exact.check(shipped("branching"))
-    assert found.diagnostics == ()
-    assert found.skipped is not None
-    assert 'pip install -e ".[exact]"' in found.skipped
-
-
-def test_a_missing_package_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
-    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
-    with pytest.raises(SpecError, match=r"E705(.|\n)*pip install -e \"\.\[exact\]\""):
-        exact.extract(shipped("branching"))
+    assert (found.untried, found.untried_cases, found.untried_claims) == ((), 0, 0)
 
 
 # -- compiled sweeps and the benchmark ------------------------------------------------------------

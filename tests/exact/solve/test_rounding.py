@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from taskspec.exact import extract
 from taskspec.exact.check.report import check
-from taskspec.exact.model.model import NoModel, scipy_sparse
+from taskspec.exact.model.model import NoModel
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.solve import infinite_horizon, rational
 from taskspec.exact.solve.backward import Uniform
@@ -281,7 +282,7 @@ def test_long_chains_are_solved_by_substitution(monkeypatch: pytest.MonkeyPatch)
     """Beyond some thousands of equations there is no direct solution; a candidate may be off by rounding, and is checked."""
     monkeypatch.setattr(infinite_horizon, "DIRECT", 0)
     found = infinite_horizon.chain_values(
-        scipy_sparse().csr_array(np.diag([0.5, 0.75])), np.array([1.0, 3.0]), np.ones(2, np.bool_)
+        sparse.csr_array(np.diag([0.5, 0.75])), np.array([1.0, 3.0]), np.ones(2, np.bool_)
     )
     np.testing.assert_allclose(found, [2, 12], rtol=1e-14)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import taskspec
 from taskspec.data import demonstrations
@@ -154,7 +155,6 @@ def test_rewards_in_numpy_say_what_nets_say(task: str, standardised: bool) -> No
 
 
 def test_the_deviation_as_variance_is_the_density_that_it_is() -> None:
-    stats = pytest.importorskip("scipy.stats")
     world, held, steps = walked("Parabola", Ppo(hidden=(4,)))
     actor = held.actor._replace(deviations=jnp.array([0.8]))
     config = Adversarial(minus_log_policy=True, deviation_as_variance=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import taskspec
 from taskspec.data import demonstrations
@@ -18,7 +19,6 @@ from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
-stats = pytest.importorskip("scipy.stats")
 jnp = jax.numpy
 
 from taskspec.learn.learners.deep.nets import ActionHead  # noqa: E402

@@ -18,7 +18,6 @@ from taskspec.learn.learners.maxent import expected_visits, soft_policy, visits
 from taskspec.learn.learners.table import Matching
 from tests.shared.cases import Granted
 
-pytest.importorskip("scipy")
 BANDIT = """
 taskspec: 1
 name: Bandit
