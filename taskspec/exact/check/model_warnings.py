@@ -8,6 +8,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.named import all_names
 from taskspec.exact.check.warning_context import SAME, Doubt, LintContext, followed_states
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
@@ -104,8 +105,8 @@ def forgotten(context: LintContext) -> Iterator[Doubt]:
         return
     nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
     used = followed_states(nexts, task.annotations.expert_nodes, of_step=False)
-    for name in nexts:
-        if name not in used:
+    for name in all_names(memory.declared):
+        if name in nexts and name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
 
 

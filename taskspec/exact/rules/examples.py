@@ -296,7 +296,7 @@ class _Trial:
                     message = "only an expert given by expressions can be checked"
                     self.collector.add("E612", follows.expr.place, message)
                     return None
-                entry = (task.action, task.annotations.expert, f"the expert's {name}")
+                entry = (task.action, task.remembering().annotations.expert_nodes, f"the expert's {name}")
             case "reward":
                 entry = ([REWARD], [task.process.reward], "the reward")
             case "terminal":

@@ -128,11 +128,12 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     yield phase("step", steps)
     if task.annotations.memory is not None:
         whole = task.remembering()
-        remembered = task.annotations.memory.components
+        remembered = task.annotations.memory.declared
+        own = slice(len(task.state), len(task.state) + len(remembered))
         phase = PhaseBuilder(whole, limit).phase
-        yield phase("start", _values("E404", "memory", remembered, whole.process.raw_initial[-len(remembered) :]))
+        yield phase("start", _values("E404", "memory", remembered, whole.process.raw_initial[own]))
         yield phase("expert", _expert_checks(whole))
-        yield phase("step", _values("E403", "memory", remembered, whole.process.raw_next[-len(remembered) :], "'"))
+        yield phase("step", _values("E403", "memory", remembered, whole.process.raw_next[own], "'"))
 
 
 # -- points ---------------------------------------------------------------------------------------

@@ -257,7 +257,7 @@ def _component(context: Context, c: Component, value: Value) -> tuple[Component,
 #
 # It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone
 # can keep it, and the state together with it is the state of a larger task, in which the expert remembers nothing
-# (`Task.remembering`).
+# (`Task.remembering`). Observations that the expert itself reads are remembered until the next ones.
 
 FIRST = "first memory"
 LATER = "memory"
@@ -267,6 +267,7 @@ LATER = "memory"
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
     """Return the memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
     _check_names(context, observation)
+    names.seen = what_is_seen(context.builder, observation, Role.STATE)
     seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
     found: dict[str, list[Node]] = {"initial": [], "next": []}
@@ -282,6 +283,20 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
     raw_initial, raw_next = map(tuple, found.values())
     initial, following = (_fitting(context.builder, context.memory, nodes) for nodes in (raw_initial, raw_next))
     return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
+
+
+def looking(context: Context, memory: ExpertMemory, observation: Observation, expert: tuple[Node, ...]) -> ExpertMemory:
+    """Return a memory that also holds the observations that the expert reads."""
+    read = reads(expert)
+    known = {c.read for c in (*context.state, *context.memory)}
+    seen = tuple(c for c in observation.components if c.read in read and c.read not in known)
+    shown = what_is_seen(context.builder, observation)
+    nodes = tuple(shown[c.name].node for c in seen)
+    context.memory = (*context.memory, *seen)
+    return ExpertMemory(
+        context.memory, (*memory.initial, *nodes), (*memory.next, *nodes), (*memory.raw_initial, *nodes),
+        (*memory.raw_next, *nodes), len(seen),
+    )  # fmt: skip
 
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:

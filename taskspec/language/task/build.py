@@ -21,7 +21,7 @@ from taskspec.language.expressions.scope import FunctionDef
 from taskspec.language.expressions.types import REAL, Refused
 from taskspec.language.source import Document, Packed, packed, unpacked
 from taskspec.language.task import declarations, sections
-from taskspec.language.task.annotations import figure, read_examples, remembered, symmetries
+from taskspec.language.task.annotations import figure, looking, read_examples, remembered, symmetries
 from taskspec.language.task.context import Context
 from taskspec.language.task.legal import legal_condition
 from taskspec.language.task.merge import Merged, abstracted, merge, stripped, variant_names
@@ -348,6 +348,8 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
     # What the spec states about it.
     memory = remembered(context, names, observation)
     expert = sections.expert_action(context, names)
+    if memory is not None and isinstance(expert, tuple):
+        memory = looking(context, memory, observation, expert)
     check_unused(context, names)
     mapped = sections.abstraction_map(context, names)
     mirrors = symmetries(context, names, observation)

@@ -52,6 +52,8 @@ class Names:
     def __init__(self, context: Context) -> None:
         self.context = context
         self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
+        self.seen: Mapping[str, Value] = {}
+        """What an expert with memory observes."""
         self.next: dict[str, Value] = {}
         """Next values, worked out on first use."""
         self._end: Value | Poisoned | None = None
@@ -146,8 +148,15 @@ class Names:
         known = Scope(bindings, context.domains)
         for name in context.exprs.get("observation", {}) if section == "expert" else ():
             if not known.is_label(name):
-                message = f"'{name}' is an observation, and an expert reads the state"
-                bindings.setdefault(name, Unavailable("E302", message, "only `memory` sees observations"))
+                bindings.setdefault(name, self._observed(name))
+
+    def _observed(self, name: str) -> Binding:
+        """Return an observation as the expert reads it."""
+        if not self.context.memory:
+            message = f"'{name}' is an observation, and an expert without `memory` reads the state"
+            hint = "declare what it remembers; it then also reads what is observed"
+            return Unavailable("E302", message, hint)
+        return self.seen.get(name) or Lazy(poison)
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
         b = self.context.builder

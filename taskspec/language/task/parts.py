@@ -196,7 +196,8 @@ class ExpertMemory:
 
     `initial` and `next` read NEXT, what is then observed, by its name; `next` also reads STATE, which is the memory itself,
     ACTION and TIME, the steps taken before. Both draw nothing. An int is moved to the nearest end of its range, and
-    `raw_initial` and `raw_next` are as written, as in `Task`.
+    `raw_initial` and `raw_next` are as written, as in `Task`. The last components, `seen` in number, are observations that the
+    expert reads, under their names: they hold what is seen now.
     """
 
     components: tuple[Component, ...]
@@ -204,16 +205,36 @@ class ExpertMemory:
     next: tuple[Node, ...]
     raw_initial: tuple[Node, ...]
     raw_next: tuple[Node, ...]
+    seen: int = 0
 
     @property
     def nodes(self) -> tuple[Node, ...]:
         """All values, as they are and as written."""
         return (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
 
+    def only(self, kept: Sequence[int]) -> ExpertMemory:
+        """Return the memory with some of its components, by number."""
+
+        def chosen(column: Sequence[T]) -> tuple[T, ...]:
+            return tuple(column[i] for i in kept)
+
+        return ExpertMemory(
+            chosen(self.components), chosen(self.initial), chosen(self.next),
+            chosen(self.raw_initial), chosen(self.raw_next), len(kept) - len(self.declared),
+        )  # fmt: skip
+
+    @property
+    def declared(self) -> tuple[Component, ...]:
+        """The components that the spec declares."""
+        return self.components[: len(self.components) - self.seen]
+
     @property
     def lines(self) -> tuple[Node, ...]:
-        """All values as written, a first and a next one in turn."""
-        return tuple(n for pair in zip(self.raw_initial, self.raw_next, strict=True) for n in pair)
+        """All values as declared, a first and a next one in turn."""
+        found: list[Node] = []
+        for first, later, _ in zip(self.raw_initial, self.raw_next, self.declared, strict=False):
+            found += (first, later)
+        return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -220,8 +220,10 @@ class Observed:
         return [(min(pair), max(pair)) for pair in ends]  # a real that starts outside its range is an error of `check`
 
 
-def what_is_seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
-    """Return what is observed, by name, as the memory and symmetries read it."""
-    pairs = zip(observation.components, observation.nodes, strict=True)
-    reads = {c.name: builder.read(Role.NEXT, c.name, c.type, *builder.certain(node)) for c, node in pairs}
-    return {c.name: Value(reads[c.name], c.domain, late=True) for c in observation.components}
+def what_is_seen(builder: Builder, observation: Observation, role: Role = Role.NEXT) -> Mapping[str, Value]:
+    """Return what is observed, by name, as the memory and symmetries read it (NEXT), or the expert (STATE)."""
+    found = {}
+    for c, node in zip(observation.components, observation.nodes, strict=True):
+        read = builder.read(role, c.name, c.type, *builder.certain(node))
+        found[c.name] = Value(read, c.domain, late=True)
+    return found

@@ -14,7 +14,7 @@ from taskspec.base.display import InNotebooks
 from taskspec.base.ids import InstanceId
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Const, Draw, Node, Read, Role, plain, walk
+from taskspec.language.expressions.ir import Const, Draw, Node, Read, Role, draws, plain, walk
 from taskspec.language.expressions.types import Kind
 from taskspec.language.expressions.variates import WordLayout
 from taskspec.language.source import Document
@@ -350,6 +350,7 @@ class Task(InNotebooks):
         memory = self.annotations.memory
         if memory is None:
             return self
+        shown, memory = self._shown(memory)
         first = self.first_observation
         later = self.next_observation
         process = self.process
@@ -360,7 +361,22 @@ class Task(InNotebooks):
             raw_next=(*process.raw_next, *self._seeing(memory.raw_next, later)),
         )
         state = (*self.state, *memory.components)
-        return replace(changed, state=state).with_annotations(memory=None, remembers=True)
+        expert = self.annotations.expert
+        if isinstance(expert, tuple):
+            expert = self.new_builder().substitute(expert, shown)
+        return replace(changed, state=state).with_annotations(expert=expert, memory=None, remembers=True)
+
+    def _shown(self, memory: parts.ExpertMemory) -> tuple[dict[tuple[Role, str], Node], parts.ExpertMemory]:
+        """Return what the expert sees as functions of the state, where nothing is drawn, and the memory without these."""
+        shown: dict[tuple[Role, str], Node] = {}
+        kept = list(range(len(memory.declared)))
+        for i in range(len(kept), len(memory.components)):
+            (node,) = self._seeing([memory.next[i]], self.observation.nodes)
+            if draws([node]):
+                kept.append(i)
+            else:
+                shown[memory.components[i].read] = node
+        return shown, memory.only(kept)
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
         """Return nodes of a memory with an observation in the place of what it reads of it."""

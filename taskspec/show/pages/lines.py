@@ -302,7 +302,7 @@ def roles(w: Writing) -> Iterator[Inlines]:
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    for c in () if w.task.annotations.memory is None else w.task.annotations.memory.components:
+    for c in () if w.task.annotations.memory is None else w.task.annotations.memory.declared:
         memory = w.parsed("memory")
         symbol = w.symbol(c.name)
         doc = (Text(", "), *inlines(c.doc)) if c.doc else ()

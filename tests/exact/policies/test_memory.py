@@ -301,12 +301,61 @@ def test_a_broken_observation_is_all_that_is_wrong() -> None:
     assert [(d.code, d.message) for d in error.value.diagnostics] == [("E302", "'wind' is not defined here")]
 
 
-def test_an_expert_that_names_an_observation_is_told_what_it_reads() -> None:
-    memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
+def listening(observation: str, looks: bool, more: str = "") -> Task:
+    """An expert that opens a door only when it last heard a tiger behind the other one: seen now, or remembered."""
+    last = "last: {type: int, low: 0, high: 2, initial: sound + 0, next: sound' + 0}"
+    lead = (
+        "lead: {type: int, low: -9, high: 9, initial: 0, next: 'clip(lead + (sound'' == 2) - (sound'' == 1), -9, 9)'}"
+    )
+    text = spec(observation, more=more).replace("heard: heard", "sound: heard").replace('heard: "0', 'sound: "0')
+    text = (
+        text[: text.index("memory:")]
+        + f"memory:\n  {lead}\n"
+        + f"  {last}\n" * (not looks)
+        + text[text.index("expert:") :]
+    )
+    now = "sound" if looks else "last"
+    text = text.replace("if: lead >= 2", f"if: lead >= 2 and {now} == 2").replace(
+        "if: lead <= -2", f"if: lead <= -2 and {now} == 1"
+    )
+    return build(read_text(text, "tiger.yaml"))
+
+
+@pytest.mark.parametrize("observation", [SEEN, DRAWN])
+def test_it_reads_what_it_sees_as_if_it_remembered_that(observation: str) -> None:
+    task, same = (listening(observation, looks) for looks in (True, False))
+    found, wanted = (Results(each).enclosure("expert") for each in (task, same))
+    assert found is not None and found == wanted and found.is_exact
+    assert score(task, Expert(task)).value.value == pytest.approx(found.value, abs=1e-12)
+    own, others = ([episode(taskspec.make(t), Expert(t), seed) for seed in range(60)] for t in (task, same))
+    assert own == others and len(set(own)) > 2
+    whole = task.remembering()
+    assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
+    assert (len(whole.state) == len(task.state) + 1) == (observation == SEEN)  # where nothing is drawn, it is no state
+    assert demonstrations(task, episodes=60).returns().tolist() == own
+    assert pickle.loads(pickle.dumps(task)).remembering() == whole
+
+
+def test_its_page_its_checks_and_its_examples_are_about_what_it_reads() -> None:
+    right = """examples:
+  - {state: {lead: 2, heard: right}, expert: {a: left}}
+  - {state: {lead: 2, heard: left}, expert: {a: listen}}
+"""
+    task = listening(SEEN, True, right)
+    assert not [d for d in check(task).diagnostics if d.code not in ("W507", "W518")]
+    found = str(page(task))
+    assert found.count("remembers") == 1 and "sound" in found[found.index("remembers") :]
+
+
+def test_without_a_memory_it_reads_the_state() -> None:
+    text = spec("sound: heard").replace("if: lead >= 2", "if: sound == left").replace("if: lead <= -2", "if: open")
     with pytest.raises(SpecError) as error:
-        build(read_text(spec("sound: heard", memory).replace("if: lead >= 2", "if: sound == left")))
+        build(read_text(text[: text.index("memory:")] + text[text.index("expert:") :]))
     (found,) = error.value.diagnostics
-    assert (found.code, found.message) == ("E302", "'sound' is an observation, and an expert reads the state")
+    assert (found.code, found.message) == (
+        "E302",
+        "'sound' is an observation, and an expert without `memory` reads the state",
+    )
 
 
 def test_a_label_of_a_parameter_may_be_called_as_an_observation() -> None:
@@ -345,8 +394,13 @@ symmetries: {turned: {action: {a: 1 - a}}}
     ],
     ids=str,
 )
-def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: list[str]) -> None:
-    task = build(read_text(TURNS))
+@pytest.mark.parametrize("looks", [False, True])
+def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: list[str], looks: bool) -> None:
+    text = TURNS
+    if looks:  # the last action is seen under a name that the state does not have
+        text = text.replace("{s: s, w", "{seen: s, w").replace("== s'", "== seen'").replace("0 * s,", "0 * seen,")
+        text = text.replace("expert: {a: m}", "expert: {a: (m + seen * t) % 2 if t * seen == 0 else m}")
+    task = build(read_text(text))
     twin = taskspec.modify(task, *modifiers)
     assert not list(broken(twin))
     found = Results(twin).enclosure("expert")
