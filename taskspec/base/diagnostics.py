@@ -5,7 +5,9 @@ Columns and offsets count characters (code points), lines and columns start at 1
 
 from __future__ import annotations
 
+import difflib
 import re
+import textwrap
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -225,7 +227,6 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
         return min(begun, key=len)
     is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
     alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
-    import difflib
 
     found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)
     if found:
@@ -292,7 +293,6 @@ def _wrapped(text: str, width: int | None, used: int, indent: int) -> str:
     """Wrap text between words: the first line starts at column `used`, the others are indented."""
     if width is None or used + _width(text) <= width:
         return text
-    import textwrap
 
     lead = " " * used
     margin = " " * indent

@@ -12,6 +12,8 @@ import re
 import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -82,8 +84,6 @@ def _cells(tag: str, values: Sequence[object]) -> str:
 
 
 def _shown(value: object) -> str:
-    from html import escape
-
     return escape(visible(str(value)))
 
 
@@ -127,8 +127,6 @@ def interval(low: float, high: float, places: int = 2) -> str:
 
 def small_fraction(value: float | Fraction, largest: int, error: float = 1e-12) -> Fraction | None:
     """Return the fraction with a denominator of at most `largest` that a number equals up to an error; None without one."""
-    from fractions import Fraction
-
     near = Fraction(value).limit_denominator(largest)
     if abs(near - Fraction(value)) <= error:
         return near

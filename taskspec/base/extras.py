@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import platform
 import re
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -74,13 +76,15 @@ def on_demand(package: str, places: Mapping[str, str]) -> Callable[[str], object
     """Return the `__getattr__` of a package whose names are in other modules.
 
     Args:
-        places: the module of each name.
+        places: the module that each name is in, or is.
     """
 
     def find(name: str) -> object:
         if name not in places:
             raise AttributeError(f"module '{package}' has no attribute {name!r}")
-        value: object = getattr(importlib.import_module(places[name]), name)
+        value: object = importlib.import_module(places[name])
+        if places[name] != f"{package}.{name}":
+            value = getattr(value, name)
         setattr(sys.modules[package], name, value)
         return value
 
@@ -95,9 +99,6 @@ CPU_INFO = Path("/proc/cpuinfo")
 
 def machine() -> dict[str, Any]:
     """Return processor, system and versions of packages as plain data."""
-    import platform
-    from importlib import metadata
-
     processor = platform.processor() or platform.machine()
     with suppress(OSError):
         found = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)

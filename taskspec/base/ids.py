@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote, unquote
 
 from taskspec.base.diagnostics import spec_error
 
@@ -26,8 +27,6 @@ class InstanceId:
     modifiers: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        from urllib.parse import quote
-
         values = "&".join(f"{name}={quote(shown(value), safe=_KEPT)}" for name, value in self.parameters.items())
         return "".join(
             (self.name, "?" * bool(values), values, *(f"+{quote(m, safe=_KEPT + '=')}" for m in self.modifiers))
@@ -56,7 +55,6 @@ def parse(text: str) -> InstanceId:
 def _unquoted(text: str) -> str:
     if "%" not in text:
         return text
-    from urllib.parse import unquote
 
     return unquote(text)
 

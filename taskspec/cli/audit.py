@@ -40,13 +40,11 @@ def audit(
     A small one is tabulated and solved exactly; a large one is sampled. Faults end with exit status 1; facts, such as that
     the state is hidden, do not. Each comes with a trace, a seed and actions, that [green]--replay[/] plays again.
     """
-    from taskspec.envs.making import register
     from taskspec.tools.audit.findings import examined
     from taskspec.tools.audit.subject import Subject
 
     given = _kwargs(kwargs)
     with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"), progress("audit"):
-        register()
         subject = Subject(env, given)
         if replay is None:
             found = examined(subject, seconds)

@@ -22,6 +22,7 @@ from taskspec.language import draws
 from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.ir import Role
 from taskspec.language.expressions.variates import sampler
+from taskspec.language.modifiers import with_options
 from taskspec.language.registry import load
 from taskspec.language.task.parts import Ending, RenderMode
 from taskspec.language.task.spaces import space
@@ -64,8 +65,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             window.require()
         self.task: Task = load(task)
         if ending == "absorb" or observe_time:
-            from taskspec.language.modifiers import with_options
-
             self.task = with_options(self.task, ending, observe_time)
         self.render_mode: str | None = render_mode
         self._window: window.Window | None = None

@@ -18,6 +18,7 @@ from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy
 from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
 from taskspec.language.task.parts import Component
+from taskspec.language.task.record import domain_words, space_words
 from taskspec.language.task.spaces import pack, unpack
 from taskspec.language.task.task import Task, recall
 
@@ -109,8 +110,6 @@ def _array(c: Component, flat: Flat) -> Array:
 
 
 def _action_words(task: Task) -> str:
-    from taskspec.language.task.record import domain_words, space_words
-
     listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
     return f"{listed} ({space_words(task.action_layout)})"
 

@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from taskspec.envs.env import Environment
+from taskspec.envs.vector import VectorEnvironment
 from taskspec.language.task.task import Task
 from taskspec.programs.backend_table import BackendName
 
@@ -60,8 +61,6 @@ def scalar(env: Any) -> Drive:
 
 def vector(task: Task, backend: str, lanes: int, num_threads: int = 1) -> Drive:
     """Return a function that steps a vector environment, which reuses its arrays and resets within the step."""
-    from taskspec.envs.vector import VectorEnvironment
-
     env = VectorEnvironment(
         task, lanes, backend=cast(BackendName, backend), autoreset_mode="SameStep", reuse=True, num_threads=num_threads
     )

@@ -195,9 +195,7 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     if not isinstance(source, str) or is_path(asked.name):
         return build(document(asked.name), variant, parameters, suite_of(asked.name))
     entry = find(asked.name)
-    is_shipped = shipped().get(entry.id) is entry
-    variant = variant or entry.variant
-    return build(document(str(entry.path)), variant, parameters, entry.suite, well_formed=is_shipped)
+    return build(document(str(entry.path)), variant or entry.variant, parameters, entry.suite)
 
 
 def instance(source: str) -> ids.InstanceId:

@@ -16,7 +16,10 @@ from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.files import near, safe_name
 from taskspec.language import registry
+from taskspec.language.modifiers import modify
 from taskspec.language.source import Document, Kind, kind_of_text, read_text
+from taskspec.language.task.build import build, check_document, outline
+from taskspec.language.task.merge import complete, task_name
 
 if TYPE_CHECKING:
     from taskspec.language.task.build import Outline
@@ -202,8 +205,6 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 def _document(file: File) -> Document:
     """Return the document of a file with a valid shape."""
-    from taskspec.language.task.build import check_document
-
     path = str(file.path)
     document = registry.document(path) if file.text is None else _of_text(file.text, path)
     check_document(document)
@@ -223,8 +224,6 @@ def variants_of(file: File) -> list[str | None]:
     Raises:
         SpecError: when the file cannot be read, or has not the shape of a spec.
     """
-    from taskspec.language.task.merge import complete
-
     if file.variants is not None:
         return list(file.variants)
     return complete(_document(file))
@@ -232,8 +231,6 @@ def variants_of(file: File) -> list[str | None]:
 
 def name_of(file: File, variant: str | None) -> str:
     """Return the name of a task of a file."""
-    from taskspec.language.task.merge import task_name
-
     name = str(_document(file).data.get("name"))
     if variant is None:
         return name
@@ -246,9 +243,6 @@ def task_in(file: File, variant: str | None) -> Task:
     Raises:
         SpecError: with every mistake found.
     """
-    from taskspec.language.modifiers import modify
-    from taskspec.language.task.build import build
-
     return modify(build(_document(file), variant, file.parameters, file.suite), *file.modifiers)
 
 
@@ -258,8 +252,6 @@ def outline_in(file: File, variant: str | None) -> Task | Outline:
     Raises:
         SpecError: with every mistake in what is declared.
     """
-    from taskspec.language.task.build import outline
-
     if file.modifiers:
         return task_in(file, variant)
     return outline(_document(file), variant, file.parameters, file.suite)

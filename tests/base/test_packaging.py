@@ -190,53 +190,7 @@ def test_tasks_are_registered_by_an_import(wheel: Path, code: str) -> None:
     assert registered(code, wheel)
 
 
-ACT = """
-import gymnasium
-assert gymnasium.make("derail/RiskyPath-v0").spec is not None
-def act(observation):
-    return 0
-"""
-
-
-@pytest.mark.parametrize("start", ["-m", "script"])
-@pytest.mark.parametrize(
-    ("arguments", "wanted"), [(["list"], False), (["run", "RiskyPath", "--policy", "policy.py:act"], True)]
-)
-def test_the_command_line_imports_gymnasium_for_python_code_only(
-    tmp_path: Path, start: str, arguments: list[str], wanted: bool
-) -> None:
-    program = ["-m", "taskspec"]
-    if start == "script":
-        script = tmp_path / "taskspec"
-        script.write_text("from taskspec.cli import main\nmain()\n")
-        program = [str(script)]
-    (tmp_path / "policy.py").write_text(ACT)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), sysconfig.get_path("purelib")])}
-    command = [sys.executable, "-S", "-X", "importtime", *program, *arguments]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    assert "taskspec.cli.app" in done.stderr
-    assert ("gymnasium.envs.registration" in done.stderr) == wanted
-
-
-CHECKED = """
-import contextlib, io, sys
-sys.argv = ["bin/taskspec", "check", "tasks/derail/experiments/quick.yaml", "tasks/derail/exam.yaml", "-j", "1"]
-from taskspec.cli import main
-with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-    main()
-"""
-MADE = "import sys, taskspec; taskspec.make('RiskyPath')"
-
-
-@pytest.mark.parametrize(
-    ("code", "unneeded"),
-    [
-        (CHECKED, {"gymnasium", "jinja2", "taskspec.learn.exam.examining", "taskspec.show.pages"}),
-        (MADE, {"jinja2", "pydantic", "scipy", "taskspec.exam", "taskspec.language.modifiers"}),
-    ],
-)
-def test_what_is_not_needed_is_not_imported(code: str, unneeded: set[str]) -> None:
-    """Imports are most of the time that a short command takes."""
-    found = python(f"{code}\nprint(*sys.modules)", ROOT, ROOT).split()
-    assert "taskspec.language.task.build" in found
-    assert not unneeded & set(found)
+def test_an_environment_imports_nothing_that_only_tools_need() -> None:
+    modules = python("import sys, taskspec; taskspec.make('RiskyPath')\nprint(*sys.modules)", ROOT, ROOT).split()
+    assert "taskspec.language.task.build" in modules
+    assert not {"jinja2", "scipy", "taskspec.exam"} & set(modules)

@@ -151,7 +151,7 @@ def first(
     rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of processes of each program.")] = 40,
     strict: Strict = False,
 ) -> None:
-    """How long the first gym.make of a process takes, compared with seals."""
+    """How long `import taskspec` and the first gym.make of a process take."""
     from tests.benchmarks import first as benchmark
 
     _end(benchmark.bench(rounds), strict)

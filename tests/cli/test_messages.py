@@ -95,14 +95,6 @@ def test_completion_works_in_a_shell() -> None:
     assert done.stdout.split() == ["derail/Branching-v0"]
 
 
-def test_help_imports_nothing_heavy() -> None:
-    heavy = "{'numpy', 'gymnasium', 'scipy', 'yaml'}"
-    code = "import sys; before = set(sys.modules); sys.argv = ['bin/taskspec']; import taskspec.cli.app; "
-    code += f"print(sorted({heavy} & (set(sys.modules) - before)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> None:
     """Not in that of hashes, which is another one in every process."""
     names = ["zeta", "alpha", "nu", "beta", "xi"]

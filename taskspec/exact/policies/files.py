@@ -51,7 +51,6 @@ def function_of(name: str, form: str = "(observation)") -> Any:
 def _module(path: Path) -> Any:
     """Run a file as a module; as for a script, modules in its folder can be imported."""
     name = f"{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}"
-    sys.modules["taskspec"].register()  # the file may make environments by id; by name, since `making` is above
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

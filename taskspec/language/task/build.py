@@ -27,6 +27,7 @@ from taskspec.language.task.legal import legal_condition
 from taskspec.language.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.language.task.names import Names, check_names, signature
 from taskspec.language.task.parts import Component, Modifier, Parameter, Varying
+from taskspec.language.task.schema.check import check_shape, remainder, validated
 from taskspec.language.task.task import Annotations, Process, Task, TaskSource, task_id
 
 SEMANTIC = (
@@ -42,41 +43,22 @@ def build(
     variant: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     suite: str = "",
-    *,
-    well_formed: bool = False,
 ) -> Task:
     """Return the task that a document describes, for given parameter values; it is built once, for tasks are immutable.
-
-    Args:
-        well_formed: the document is known to have the shape of a spec, as shipped ones do (a test checks them all). The
-            shape is then checked only if the build fails, and pydantic is not imported.
 
     Raises:
         SpecError: with every mistake found.
     """
     values = parameters or {}
-    if not well_formed:
-        _check_form(document, variant, values)
+    check_document(document, [variant], values)
+    validated(merge(document, variant))
     given = tuple((name, value, _kind(value)) for name, value in values.items())
     try:
         hash(given)
         built: Callable[..., Task] = _built
     except TypeError:  # a list, say: no parameter takes one, and the build says so
         built = _built.__wrapped__
-    try:
-        return built(document, variant, given, suite, limits())
-    except Exception:
-        if well_formed:
-            _check_form(document, variant, values)
-        raise
-
-
-def _check_form(document: Document, variant: str | None, values: Mapping[str, Any]) -> None:
-    """Raise SpecError if a document, or a variant of it, does not have the shape of a spec."""
-    from taskspec.language.task.schema.check import validated
-
-    check_document(document, [variant], values)
-    validated(merge(document, variant))
+    return built(document, variant, given, suite, limits())
 
 
 def check_document(
@@ -90,8 +72,6 @@ def check_document(
     Raises:
         SpecError: with every mistake of the shape, and those that do not follow from it.
     """
-    from taskspec.language.task.schema.check import check_shape
-
     if check_shape(document):
         raise_if_errors(attempts(document, variants, values)[1])
 
@@ -119,8 +99,6 @@ def attempts(
         before: what was made, for the same values, of the text before its last change; what is right and still the same
             is taken from there, and its places become those of this document.
     """
-    from taskspec.language.task.schema.check import check_shape, remainder
-
     found = list(check_shape(document))
     is_whole = not found
     rest: Document | None = document
@@ -160,8 +138,6 @@ _PROSE = ("title", "summary", "description", "capability", "sources", "errata")
 
 
 def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None, Sequence[Diagnostic]]:
-    from taskspec.language.task.schema.check import validated
-
     mistakes: tuple[Diagnostic, ...] = ()
     try:
         validated(merged)
@@ -254,8 +230,6 @@ def outline(document: Document, variant: str | None, parameters: Mapping[str, An
 
 def _bound(document: Document, variant: str | None, parameters: Mapping[str, Any] | None) -> Context:
     """Return a document's task with its parameters bound, and nothing else."""
-    from taskspec.language.task.schema.check import check_shape, validated
-
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
     validated(merged)
@@ -288,8 +262,6 @@ def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> T
     Raises:
         SpecError: with every mistake found, or with the limit that there are too many operations for.
     """
-    from taskspec.language.task.schema.check import validated
-
     validated(merged)
     return _fresh(merged, parameters, suite)
 

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.jobs.code_hash import code_files, code_hash
 from taskspec.exact.policies.files import function_of, is_function, place_of
 from taskspec.learn.exam.case import SOURCES, Source
 from taskspec.learn.learners import learner
 
-_OURS = Path(taskspec.__file__).resolve().parent
+_OURS = Path(__file__).resolve().parents[2]
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
 """The grants of a learner that does not say: everything but the reward."""
 
@@ -103,7 +102,6 @@ def _imported(place: str) -> tuple[Any, str]:
         return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
     module, _, name = place.partition(":")
     path = _file_of(place)
-    taskspec.register()  # the module may make environments by id
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:

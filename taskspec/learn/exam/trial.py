@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-import taskspec
+from taskspec.base import __version__
 from taskspec.base.arrays import parts_of
 from taskspec.base.diagnostics import SpecError, TaskspecError
 from taskspec.base.limits import also
@@ -34,7 +34,7 @@ from taskspec.learn.learners import CannotLearn
 
 Row = dict[str, Any]
 """The result of one seed: returns, costs, and points of the learning curve, as JSON data."""
-_OURS = str(Path(taskspec.__file__).parent)
+_OURS = str(Path(__file__).resolve().parents[2])
 
 
 # Baselines: the returns of random actions, the expert and the optimum, by which scores are normalised.
@@ -55,7 +55,7 @@ def _results(task: bytes, episodes: int) -> Results:
 
 def key_of(*content: Any) -> str:
     """Return a hash of JSON data and of the version of this package."""
-    return hashlib.sha256(json.dumps([*content, taskspec.__version__]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([*content, __version__]).encode()).hexdigest()
 
 
 def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
