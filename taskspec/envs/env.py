@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
@@ -28,6 +28,9 @@ from taskspec.language.task.parts import Ending, RenderMode
 from taskspec.language.task.spaces import space
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.programs.scalar import Clock, Lane, ScalarProgram, compile_scalar
+
+if TYPE_CHECKING:
+    from taskspec.exact.solve.outcomes import GymTable
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
@@ -162,6 +165,33 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         assert self._lane.mask is not None
         return self._lane.mask().astype(np.bool_)
 
+    @property
+    def P(self) -> GymTable:
+        """The table of Gymnasium's toy_text: `P[s][a]` lists (probability, next state, reward, terminated).
+
+        States are those that episodes visit, in the order of the exact model: the numbers that are observed, where the
+        observation is one number and all of them are visited. It has the numbers of `taskspec export --format gym-p`.
+
+        Raises:
+            AttributeError: where the task has no exact model, or is too large, so that `hasattr` is False.
+        """
+        return self._gym_table[0]
+
+    @property
+    def initial_state_distrib(self) -> Array:
+        """The probabilities, float64 (S,), of the states of `P` at the beginning, as toy_text has them."""
+        return self._gym_table[1]
+
+    @functools.cached_property
+    def _gym_table(self) -> tuple[GymTable, Array]:
+        from taskspec.exact.model.model import NoModel
+        from taskspec.exact.solve.outcomes import gym_table
+
+        try:
+            return gym_table(self.task)
+        except NoModel as error:
+            raise AttributeError(str(error)) from error
+
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.
 
@@ -252,7 +282,8 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the window and the generated functions; the stream of draws goes on where it was."""
-        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "reset", "_lane", "_program")}
+        remade = ("step", "reset", "_lane", "_program", "_gym_table")
+        kept = {k: v for k, v in self.__dict__.items() if k not in remade}
         return {**kept, "_window": None, "lane_state": (self._values(), self._clock)}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask, Number, Rows, visited
+from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.tools.exchange.tables import FrozenTask, Rows, visited
 
 Holds = Callable[[Sequence[FrozenTask]], Sequence[bool]]
 """From several tasks to whether what matters holds on each of them."""
@@ -76,8 +77,8 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
             yield replace(task, outcomes=tuple(rows), start=tuple(start))
 
 
-def _redirected(outcomes: Sequence[FrozenOutcome], gone: int, target: int, ends: bool) -> tuple[FrozenOutcome, ...]:
-    found: dict[int, FrozenOutcome] = {}
+def _redirected(outcomes: Sequence[Outcome], gone: int, target: int, ends: bool) -> tuple[Outcome, ...]:
+    found: dict[int, Outcome] = {}
     for outcome in outcomes:
         moved = outcome
         if outcome.state == gone:
@@ -86,7 +87,7 @@ def _redirected(outcomes: Sequence[FrozenOutcome], gone: int, target: int, ends:
         if known is not None:
             probability = known.probability + moved.probability
             paid = known.probability * known.reward + moved.probability * moved.reward
-            moved = FrozenOutcome(probability, moved.state, paid / probability, known.ends or moved.ends)
+            moved = Outcome(probability, moved.state, paid / probability, known.ends or moved.ends)
         found[moved.state] = moved
     return tuple(found.values())
 
@@ -143,7 +144,7 @@ def _plainer(task: FrozenTask) -> Iterator[FrozenTask]:
             yield replace(task, outcomes=_with_row(task.outcomes, s, a, on))
 
 
-def _with_row(rows: Rows, state: int, action: int, row: tuple[FrozenOutcome, ...]) -> Rows:
+def _with_row(rows: Rows, state: int, action: int, row: tuple[Outcome, ...]) -> Rows:
     by_action = list(rows[state])
     by_action[action] = row
     return (*rows[:state], tuple(by_action), *rows[state + 1 :])

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import spec_error
+from taskspec.exact.solve.outcomes import Outcome
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled, guarded
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask
+from taskspec.tools.exchange.tables import FrozenTask
 
 COLUMNS = {
     "state": "<i8",
@@ -84,7 +85,7 @@ def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
         row = {}
         for a, outcomes in sorted(by_state[s].items()):
             row[str(names[a]) if a < len(names) else str(a)] = [
-                FrozenOutcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
+                Outcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
             ]
         rows.append(row)
     start = {s: float(p) for s, p in enumerate(other.get("initial") or [1.0])}
@@ -122,12 +123,12 @@ def read_npz(source: ForeignFile) -> FrozenTask:
     arrays = _loaded(source)
     columns = [arrays[name].astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
     start = arrays["start"].astype(np.float64, casting="same_kind").tolist()
-    rows: list[dict[str, list[FrozenOutcome]]] = [{} for _ in start]
+    rows: list[dict[str, list[Outcome]]] = [{} for _ in start]
     names = arrays["actions"].tolist()
     for s, a, to, probability, reward, ends in zip(*columns, strict=True):
         if not 0 <= s < len(rows) or a < 0:
             source.wrong(f"there is no state {s}, or no action {a}")
-        rows[s].setdefault(str(names[a]), []).append(FrozenOutcome(probability, to, reward, ends))
+        rows[s].setdefault(str(names[a]), []).append(Outcome(probability, to, reward, ends))
     horizon = int(arrays["horizon"]) or None
     return assembled(
         source, dict(enumerate(start)), rows, arrays["states"].tolist(), horizon, float(arrays["discount"])

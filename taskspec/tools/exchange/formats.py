@@ -11,6 +11,7 @@ from taskspec.base.named import entries_by_name
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
+from taskspec.exact.solve.outcomes import LARGEST_TABLE
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb
@@ -18,9 +19,6 @@ from taskspec.tools.exchange.freeze import tables
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded
 from taskspec.tools.exchange.settled import property_of, settled, unsettled
 from taskspec.tools.exchange.tables import FrozenTask
-
-MOST_STATES = 100_000
-"""The largest number of states of a task that is exported, the time included."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, F
     """
     finite = _finite(task)
     model = extract(finite if format.is_settled else with_all_actions(finite), reachable=True)
-    return model, replace(tables(model, MOST_STATES), name=task.instance_id)
+    return model, replace(tables(model, LARGEST_TABLE), name=task.instance_id)
 
 
 def _finite(task: Task) -> Task:

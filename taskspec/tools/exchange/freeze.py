@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import FLOATS, Steps
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
 from taskspec.exact.policies.policy import states_of
 from taskspec.exact.rules.conditions import condition_over_states
 from taskspec.exact.rules.evaluator import InvalidClaim
 from taskspec.exact.scores.returns import Results
-from taskspec.exact.solve.enclosure import Inexact, Reader
-from taskspec.exact.solve.rational import ExactProbabilities
+from taskspec.exact.solve.outcomes import Place, visited_table
 from taskspec.language.expressions import syntax
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.types import BOOL
-from taskspec.language.expressions.variates.entry import ProbabilityArithmetic
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask, Number, Outcomes, merged, plain_names, separated
+from taskspec.tools.exchange.tables import FrozenTask, plain_names, separated
 
 MOST_STATES = 1000
 """The largest number of states of a task that is frozen."""
 TIME = "t"
 """The component that is added to states where the time matters."""
-Place = tuple[int, int]
-"""A time, 0 where it does not matter, and the index of a state."""
-Chances = Callable[[int], dict[tuple[int, int], Outcomes]]
-"""From the time to the outcomes by state and action, of all states in which episodes act."""
 
 
 def freeze(task: Task) -> FrozenTask:
@@ -78,97 +70,16 @@ def tables(model: Model, most: int) -> FrozenTask:
     Raises:
         SpecError: E712 for a model that is too large.
     """
-    last = _last_step(model)
-    is_timed = model.is_timed and last is None
-    start, discount, chances = _numbers(model)
-    rows = _explored(model, chances, is_timed, most)
-    places = sorted(rows)
-    index = {place: i for i, place in enumerate(places)}
-    outcomes = []
-    for (t, s), by_action in sorted(rows.items()):
-        later = t + is_timed
-        moved = [tuple(replace(o, state=index[later, o.state]) for o in found) for found in by_action]
-        stays = ((FrozenOutcome(1, index[t, s], 0, False),),) * len(moved)
-        outcomes.append(tuple(moved) if any(moved) else stays)
-    values = tuple(_values(model, places, is_timed))
+    found = visited_table(model, most)
+    index = {place: i for i, place in enumerate(found.places)}
+    values = tuple(_values(model, found.places, found.is_timed))
     return FrozenTask(
-        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in places], values, "s"),
+        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in found.places], values, "s"),
         actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
-        start=tuple(start[s] if t == 0 else 0 for t, s in places), outcomes=tuple(outcomes), horizon=model.horizon,
-        discount=discount, last=last, values=values,
-        labels={name: frozenset(index[p] for p in places if holds[p[1]]) for name, holds in _conditions(model)},
+        start=found.start, outcomes=found.outcomes, horizon=model.horizon, discount=found.discount, last=found.last,
+        values=values,
+        labels={name: frozenset(index[p] for p in found.places if holds[p[1]]) for name, holds in _conditions(model)},
     )  # fmt: skip
-
-
-def _last_step(model: Model) -> int | None:
-    """Return the step at which every episode ends, of a model in which nothing else depends on the time."""
-    if not model.is_timed:
-        return None
-    first = model.step(0)
-    for t, step in enumerate(model.steps):
-        if step.same(first):
-            continue
-        ends_first = first.P_end is not None and first.P_end.sum() > 0
-        if not ends_first and step.P.sum() == 0 and np.array_equal(step.R, first.R):
-            return t
-        return None
-    return None
-
-
-def _numbers(model: Model) -> tuple[list[Number], Number, Chances]:
-    """Return the start distribution, the discount and the outcomes: in rationals, or in floats where a draw has none."""
-    reader = Reader(as_written=True)
-    steps = Steps(model.task)
-    for numbers, read in ((ExactProbabilities(reader), reader), (FLOATS, float)):
-        try:
-            return _read(model, steps, numbers, read)
-        except Inexact:
-            continue
-    raise AssertionError("floats are always known")
-
-
-def _read(
-    model: Model, steps: Steps, numbers: ProbabilityArithmetic, read: Callable[[float], Number]
-) -> tuple[list[Number], Number, Chances]:
-    n = model.n_states
-    start: list[Number] = [0] * n
-    codes, weights = steps.starts(numbers)
-    for s, weight in zip(np.searchsorted(model.codes, codes).tolist(), weights.tolist(), strict=True):
-        start[s] = weight
-
-    @cache
-    def chances(t: int) -> dict[tuple[int, int], Outcomes]:
-        table = steps.table(model.codes, t, numbers)
-        found: dict[tuple[int, int], list[FrozenOutcome]] = {}
-        for row, column, weight, reward, ends, inside in zip(*(each.tolist() for each in table), strict=True):
-            if inside and weight and model.acting[row % n]:
-                outcome = FrozenOutcome(weight, column, read(float(reward)), bool(ends))
-                found.setdefault((row % n, row // n), []).append(outcome)
-        return {key: merged(outcomes) for key, outcomes in found.items()}
-
-    chances(0)
-    return start, read(model.discount), chances
-
-
-def _explored(model: Model, chances: Chances, is_timed: bool, most: int) -> dict[Place, list[Outcomes]]:
-    """Return the outcomes of each action in all places that episodes visit; none where no episode acts."""
-    found: dict[Place, list[Outcomes]] = {}
-    waiting = [(0, s) for s in np.flatnonzero(model.start > 0).tolist()]
-    while waiting:
-        t, s = waiting.pop()
-        if (t, s) in found:
-            continue
-        by_action: list[Outcomes] = [()] * model.n_actions
-        if not is_timed or t < (model.horizon or 0):
-            by_action = [chances(t).get((s, a), ()) for a in range(model.n_actions)]
-            if model.legal is not None:
-                by_action = [found if model.legal[a, s] else () for a, found in enumerate(by_action)]
-        for outcomes in by_action:
-            waiting += [(t + is_timed, outcome.state) for outcome in outcomes]
-        found[t, s] = by_action
-        if len(found) > most:
-            refuse(f"{model.task.id} has more than {most:,} states; tables have {most:,} at most")
-    return found
 
 
 def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[dict[str, int]]:

@@ -14,10 +14,11 @@ from taskspec.base.limits import limits
 from taskspec.exact.model.extract import OVERHEAD, SWEEP, tabulated
 from taskspec.exact.model.model import NoModel
 from taskspec.exact.solve.backward import Greedy, Uniform
+from taskspec.exact.solve.outcomes import Number
 from taskspec.exact.solve.solve import Solvers
 from taskspec.tools.exchange.formats import read
 from taskspec.tools.exchange.settled import PHASE
-from taskspec.tools.exchange.tables import FrozenTask, Number, plain_names, separated, visited
+from taskspec.tools.exchange.tables import FrozenTask, plain_names, separated, visited
 
 NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,59}")
 

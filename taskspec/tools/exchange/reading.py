@@ -15,7 +15,8 @@ from typing import Any, NoReturn
 
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
 from taskspec.base.limits import limits
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask, Number, Outcomes, merged, plain_names
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
+from taskspec.tools.exchange.tables import FrozenTask, plain_names
 
 MOST_BYTES = 50_000_000
 """The size of a file, unpacked."""
@@ -85,7 +86,7 @@ def guarded(read: Callable[[ForeignFile], FrozenTask]) -> Callable[[ForeignFile]
     return safely
 
 
-Row = Mapping[str, Sequence[FrozenOutcome]]
+Row = Mapping[str, Sequence[Outcome]]
 """The outcomes of a state by the name of the action."""
 
 
@@ -118,7 +119,7 @@ def assembled(
     found = []
     for s, row in enumerate(rows):
         own = {name: _checked(source, s, outcomes, len(rows)) for name, outcomes in row.items()}
-        usual = next(iter(own.values()), (FrozenOutcome(Fraction(1), s, Fraction(0), False),))
+        usual = next(iter(own.values()), (Outcome(Fraction(1), s, Fraction(0), False),))
         if len(set(own.values())) <= 1:
             found.append((usual,) * len(names))
             continue
@@ -132,7 +133,7 @@ def assembled(
     )  # fmt: skip
 
 
-def _checked(source: ForeignFile, s: int, outcomes: Sequence[FrozenOutcome], count: int) -> Outcomes:
+def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: int) -> Outcomes:
     for outcome in outcomes:
         if not 0 <= outcome.state < count:
             source.wrong(f"state {s} leads to state {outcome.state}, which does not exist")
@@ -141,7 +142,7 @@ def _checked(source: ForeignFile, s: int, outcomes: Sequence[FrozenOutcome], cou
     likely = [outcome for outcome in outcomes if outcome.probability]
     shares = _normal(source, f"state {s}", [outcome.probability for outcome in likely])
     kept = zip(likely, shares, strict=True)
-    return merged(FrozenOutcome(share, o.state, o.reward, o.ends) for o, share in kept)
+    return merged(Outcome(share, o.state, o.reward, o.ends) for o, share in kept)
 
 
 def _normal(source: ForeignFile, place: str, probabilities: Sequence[Number]) -> list[Number]:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask, Number, Outcomes, merged, visited
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
+from taskspec.tools.exchange.tables import FrozenTask, visited
 
 FIRST = "draw"
 """The label of the state that draws the first state of an episode, where that is not always the same."""
@@ -59,11 +60,11 @@ def settled(task: FrozenTask) -> FrozenTask:
     )  # fmt: skip
 
 
-def _free(probability: Fraction, place: int) -> FrozenOutcome:
-    return FrozenOutcome(probability, place, Fraction(0), False)
+def _free(probability: Fraction, place: int) -> Outcome:
+    return Outcome(probability, place, Fraction(0), False)
 
 
-def _outcomes(outcomes: Outcomes, gamma: Fraction, index: dict[tuple[int, int], int]) -> Iterator[FrozenOutcome]:
+def _outcomes(outcomes: Outcomes, gamma: Fraction, index: dict[tuple[int, int], int]) -> Iterator[Outcome]:
     """Yield what follows a step: the episode goes on with probability gamma, unless it ends."""
     shares = _shares([outcome.probability for outcome in outcomes]) if outcomes else []
     for outcome, share in zip(outcomes, shares, strict=True):
@@ -71,7 +72,7 @@ def _outcomes(outcomes: Outcomes, gamma: Fraction, index: dict[tuple[int, int], 
         for phase, part in ((1, going), (2, 1 - going)):
             if part:
                 place = index[outcome.state, phase]
-                yield FrozenOutcome(share * part, place, Fraction(outcome.reward), False)
+                yield Outcome(share * part, place, Fraction(outcome.reward), False)
 
 
 def _shares(probabilities: Sequence[Number]) -> list[Fraction]:

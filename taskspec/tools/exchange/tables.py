@@ -14,11 +14,11 @@ from functools import cached_property
 
 from taskspec.base.display import small_fraction
 from taskspec.base.limits import limits
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 
-Number = Fraction | float
 PLAIN = 10_000
 """The largest denominator of a float that is written as a fraction."""
 SIMPLE = 1_000
@@ -35,17 +35,6 @@ _TAKEN = frozenset({"s", "a", "t", "T", "pi", "inf", "true", "false", "terminal"
 """Words that mean something else in the spec of a table."""
 
 
-@dataclass(frozen=True)
-class FrozenOutcome:
-    """One outcome of a step."""
-
-    probability: Number
-    state: int
-    reward: Number
-    ends: bool
-
-
-Outcomes = tuple[FrozenOutcome, ...]
 Rows = tuple[tuple[Outcomes, ...], ...]
 """The outcomes of each state and each action."""
 
@@ -82,7 +71,7 @@ class FrozenTask:
     claims: Mapping[str, Number] = field(default_factory=dict)
     width: int | None = None
 
-    def steps(self) -> Iterator[tuple[int, int, FrozenOutcome]]:
+    def steps(self) -> Iterator[tuple[int, int, Outcome]]:
         """Yield every outcome with its state and action."""
         for s, by_action in enumerate(self.outcomes):
             for a, found in enumerate(by_action):
@@ -140,14 +129,14 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
     if not both:
         return task
 
-    def moved(outcome: FrozenOutcome) -> FrozenOutcome:
+    def moved(outcome: Outcome) -> Outcome:
         if not outcome.ends:
             return outcome
         return replace(outcome, state=both.get(outcome.state, outcome.state))
 
     rows = [tuple(tuple(map(moved, outcomes)) for outcomes in by_action) for by_action in task.outcomes]
     for copy in both.values():
-        rows.append(((FrozenOutcome(1.0, copy, 0.0, False),),) * len(task.actions))
+        rows.append(((Outcome(1.0, copy, 0.0, False),),) * len(task.actions))
     seen = task.seen
     if seen is not None:
         seen = (*seen, *(seen[s] for s in both))
@@ -155,20 +144,6 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
         task, states=(*task.states, *(f"{task.states[s]}_end" for s in both)), start=(*task.start, *(0.0 for _ in both)),
         outcomes=tuple(rows), seen=seen, values=(), labels={}, width=None,
     )  # fmt: skip
-
-
-def merged(outcomes: Iterable[FrozenOutcome]) -> Outcomes:
-    """Return outcomes that differ in state or end; those that do not become one, with their expected reward."""
-    found: dict[tuple[int, bool], FrozenOutcome] = {}
-    for outcome in outcomes:
-        key = (outcome.state, outcome.ends)
-        known = found.get(key)
-        if known is not None:
-            probability = known.probability + outcome.probability
-            paid = known.probability * known.reward + outcome.probability * outcome.reward
-            outcome = replace(outcome, probability=probability, reward=paid / probability)
-        found[key] = outcome
-    return tuple(found.values())
 
 
 def visited(task: FrozenTask) -> FrozenTask:
@@ -184,7 +159,7 @@ def visited(task: FrozenTask) -> FrozenTask:
     for s in kept:
         by_action = task.outcomes[s]
         if s not in task.acting:
-            by_action = ((FrozenOutcome(1.0, s, 0.0, False),),) * len(task.actions)
+            by_action = ((Outcome(1.0, s, 0.0, False),),) * len(task.actions)
         rows.append(tuple(tuple(replace(o, state=index[o.state]) for o in outcomes) for outcomes in by_action))
     labels = {name: frozenset(index[s] for s in held if s in index) for name, held in task.labels.items()}
     return replace(
@@ -329,7 +304,7 @@ def _ends(task: FrozenTask) -> Iterator[str]:
     yield from table.lines()
 
 
-def _taken(task: FrozenTask) -> Iterator[tuple[int, int, FrozenOutcome]]:
+def _taken(task: FrozenTask) -> Iterator[tuple[int, int, Outcome]]:
     """Yield the outcomes of the states in which episodes act: what others pay does not matter."""
     return ((s, a, outcome) for s, a, outcome in task.steps() if s in task.acting)
 

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from taskspec.base import __version__
+from taskspec.exact.solve.outcomes import Number, Outcome
 from taskspec.tools.exchange.reading import MOST_BYTES, MOST_OUTCOMES, ForeignFile, assembled
 from taskspec.tools.exchange.settled import legal_choices
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask, Number
+from taskspec.tools.exchange.tables import FrozenTask
 
 INDEX = "index.json"
 STATES = "state-to-choices.bin"
@@ -201,12 +202,12 @@ class _Archive:
         names = self._actions()
         rows = []
         for s, choices in enumerate(self._ranges(STATES, self.sizes["states"])):
-            row: dict[str, list[FrozenOutcome]] = {}
+            row: dict[str, list[Outcome]] = {}
             for choice in range(self.sizes["choices"])[choices]:
                 before = paid["states"][s] + paid["choices"][choice]
                 outcomes = []
                 for b in range(self.sizes["branches"])[branches[choice]]:
-                    outcomes.append(FrozenOutcome(shares[b], targets[b], before + paid["branches"][b], False))
+                    outcomes.append(Outcome(shares[b], targets[b], before + paid["branches"][b], False))
                 row[names[choice] if names[choice] not in row else f"a{len(row)}"] = outcomes
             rows.append(row)
         first = self._flags(INITIAL) or {0}

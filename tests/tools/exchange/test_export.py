@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from taskspec import load
+from taskspec import load, make
 from taskspec.tools.exchange import formats
 from taskspec.tools.exchange.settled import settled
 from tests.shared.commands import Done, spec
@@ -61,6 +61,20 @@ def test_numbers_are_those_that_the_spec_writes(tmp_path: Path) -> None:
     assert set(map(str, shares)) == {"1/3", "2/3", "9/10", "1/10", "81/100", "9/100", "1/100", "1"}
     rewards = rationals(files["annotations/rewards/reward/branches/values.bin"])
     assert set(map(str, rewards)) == {"0", "-1/10", "1/5"}
+
+
+@pytest.mark.parametrize("name", [
+    "CoinToss", "EndInPlace", "FrozenLake", "CliffWalking", "Branching", "bsuite/DiscountingChain", "Inventory?M=3",
+    "bsuite/Umbrella", "planning/ThreeInAColumn", "NoisyObs",
+])  # fmt: skip
+def test_the_table_of_an_environment_is_that_of_the_file(name: str) -> None:
+    task = load(name)
+    form = formats.FORMATS["gym-p"]
+    written = json.loads(formats.written(formats.exported(task, form)[1], form))
+    env = make(task)
+    table = {str(s): {str(a): list(map(list, row)) for a, row in rows.items()} for s, rows in env.P.items()}
+    assert table == written["P"]
+    assert env.initial_state_distrib.tolist() == written["initial"]
 
 
 def test_what_a_format_cannot_carry_is_said_by_name(tmp_path: Path) -> None:

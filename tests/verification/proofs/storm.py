@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from taskspec.exact.solve.outcomes import Outcome
 from taskspec.tools.exchange.settled import END as ENDS
 from taskspec.tools.exchange.settled import property_of
 from taskspec.tools.exchange.storm import is_installed as is_installed
 from taskspec.tools.exchange.storm import solved as solved_by_storm
-from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask
+from taskspec.tools.exchange.tables import FrozenTask
 from tests.verification.proofs.brute import Rule, Solved, expert, uniform
 from tests.verification.proofs.process import Key, Process, Shares
 
@@ -88,7 +89,7 @@ def asked(places: dict[Place, list[Choice]], *extremes: str) -> list[Fraction]:
     number = {place: i for i, place in enumerate(places)}
     rows = []
     for choices in places.values():
-        row = [tuple(FrozenOutcome(p, number[to], paid, False) for to, p in found.items()) for paid, found in choices]
+        row = [tuple(Outcome(p, number[to], paid, False) for to, p in found.items()) for paid, found in choices]
         rows.append(tuple(row))
     actions = tuple(f"a{i}" for i in range(max(map(len, rows))))
     start = tuple(Fraction(not i) for i in range(len(rows)))
