@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from taskspec import exact as exact
     from taskspec import exam as exam
     from taskspec import experiments as experiments
+    from taskspec import oracle as oracle
     from taskspec.envs import Environment as Environment
     from taskspec.envs import data as data
     from taskspec.language.modifiers import modify as modify
@@ -41,6 +42,7 @@ _ON_DEMAND = {
     "experiments": "taskspec.experiments",
     "modify": "taskspec.language.modifiers",
     "notebook": "taskspec.notebook",
+    "oracle": "taskspec.oracle",
 }
 __getattr__ = on_demand(__name__, _ON_DEMAND)
 __all__ = [

@@ -61,6 +61,7 @@ class Limits:
     outcomes: int = _limit(1_000_000, "outcomes of one step")
     transitions: int = _limit(20_000_000, "transitions of an exact model")
     episodes: int = _limit(1_000_000, "episodes that are simulated for one claim, or of one policy in an experiment")
+    enumerated: int = _limit(100_000, "episodes, or groups of them, that an exact expectation enumerates")
     lanes: int = _limit(2**24, "environments that are stepped together")
     instances: int = _limit(100_000, "instances of an experiment")
     seconds: int = _limit(10, "seconds of each exact analysis of a task")

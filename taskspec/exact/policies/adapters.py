@@ -268,6 +268,7 @@ class ObservationFunction(ObservationPolicy):
         self.function = function
         self.takes_rng = "rng" in parameters(function)
         self.rng = None if seed is None else np.random.default_rng(seed)
+        self.may_explore = self.takes_rng and seed is None  # each batch has the same draws while it is tabulated
 
     def act(self, batch: EpisodeBatch) -> Array:
         running = np.flatnonzero(batch.running)

@@ -1,0 +1,422 @@
+"""Exact values, occupancies and policy gradients of a policy, and soft values.
+
+With T steps, pi[t, s, a] the policy and V[T] = 0,
+
+    Q[t, s, a] = sum over (s', r) of p(s', r | s, a, t) (r + gamma V[t + 1, s']),    V[t + 1, s'] = 0 after a termination,
+    V[t, s] = sum over a of pi[t, s, a] Q[t, s, a],    A[t, s, a] = Q[t, s, a] - V[t, s],
+    d[t, s] = gamma^t Pr(S_t = s, the episode has not ended).
+
+The horizon truncates an episode and nothing is paid after it, so that V[T] is 0 there as well. Without a horizon there is one
+time: V is the fixed point, and d[0, s] the sum of gamma^t Pr(S_t = s) over all t.
+
+Source: R. Sutton and A. Barto, Reinforcement Learning (2018), equations (4.3), (4.6) and section 13.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.exact.model.model import Model, misused, refuse
+from taskspec.exact.model.transitions import Steps
+from taskspec.exact.oracle.tables import Seen, model_of, plain, policy_table
+from taskspec.exact.solve.backward import action_values, backward
+from taskspec.exact.solve.enclosure import Inexact, Reader
+from taskspec.exact.solve.infinite_horizon import chain_values, followed
+from taskspec.exact.solve.plans import outcome_table
+from taskspec.exact.solve.rational import Rational, Scaled
+from taskspec.language.task.task import Task, TaskLike
+
+By = Literal["state", "observation"]
+"""Which rows a table has."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedValues:
+    """The values of a policy by time and observation: means over the states behind an observation, as often as they occur.
+
+    Entries are nan where the policy never makes the observation at that time.
+
+    Attributes:
+        V: (T, O), the expected return from an observation.
+        Q: (T, O, A), the expected return from an observation and an action.
+        occupancy: (T, O), the discounted probability to make an observation and act.
+    """
+
+    V: Array
+    Q: Array
+    occupancy: Array
+
+    @property
+    def A(self) -> Array:
+        """(T, O, A), the advantages Q - V."""
+        return self.Q - self.V[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyEvaluation:
+    """The exact values of a policy by time and state: float64, or fractions in object arrays.
+
+    Attributes:
+        model: the exact model that numbers states and actions: `model.state(i)`, `model.state_name(i)`, `model.action(i)`.
+        pi: (T, S, A), the policy.
+        V: (T + 1, S), the expected return from a state; V[T] is 0. (1, S) without a horizon.
+        Q: (T, S, A), the expected return from a state and an action.
+        occupancy: (T, S), gamma^t Pr(S_t = s), the discounted probability to act in a state at a time.
+        expected_return: of the policy, from the start.
+    """
+
+    model: Model
+    pi: Array
+    V: Array
+    Q: Array
+    occupancy: Array
+    expected_return: Any
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self.model.task
+
+    @property
+    def A(self) -> Array:
+        """(T, S, A), the advantages Q - V."""
+        return self.Q - self.V[: len(self.Q), :, None]
+
+    @cached_property
+    def seen(self) -> Seen:
+        """The observations of the states, and their rows in tables over observations."""
+        return Seen(self.model)
+
+    def by_observation(self) -> ObservedValues:
+        """Return the values by time and observation; row o of a discrete observation is the number o, counted from the least.
+
+        Raises:
+            SpecError: E712 where observations are drawn.
+        """
+        weight = self._over_observations(self.occupancy)
+        Q = _ratio(self._over_observations(self.occupancy[..., None] * self.Q), weight[..., None])
+        V = _ratio(self._over_observations(self.occupancy * self.V[: len(self.Q)]), weight)
+        return ObservedValues(V, Q, weight)
+
+    def _over_observations(self, values: Array) -> Array:
+        """Return sums (T, O, ...) over the states (T, S, ...) behind each observation."""
+        total = np.zeros((len(values), self.seen.count, *values.shape[2:]), dtype=values.dtype)
+        for t, rows in enumerate(self.seen.rows):
+            np.add.at(total[t], rows, values[t])
+        return total
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    """Return part / whole; nan where both are 0."""
+    whole = np.broadcast_to(whole, part.shape)
+    found = np.full(part.shape, np.nan, dtype=part.dtype)
+    is_there = whole != 0
+    found[is_there] = part[is_there] / whole[is_there]
+    return found
+
+
+def evaluate(task: TaskLike, policy: Any, *, exact: bool = False) -> PolicyEvaluation:
+    """Evaluate a policy exactly: V, Q, A, occupancies and the return, by time and state, or by observation.
+
+    Args:
+        task: a finite task, its id or its path.
+        policy: a name ("random", "expert", "optimal", "soft(1)", "epsilon(0.1)"); a table of probabilities (S, A) or (T, S, A),
+            or of actions (S,) or (T, S), over the states of the model or over observations; a function from one observation to
+            probabilities (A,) or an action; a module of PyTorch from observations to logits (S, A) or a categorical
+            distribution; or an object with `predict`, as models of Stable-Baselines3 are, which samples its actions.
+        exact: in rationals, with the numbers as the spec writes them (0.1 is 1/10) and probabilities as short fractions.
+
+    Returns:
+        The values, float64 or object arrays of fractions, in the unit of the reward.
+
+    Raises:
+        SpecError: E712 where there is no exact model, the policy has no table, or it is too large for rationals; E713 for
+            anything that is not a policy.
+    """
+    model = model_of(task)
+    pi = policy_table(model, policy, exact)
+    if model.horizon is None:
+        if exact:
+            refuse(f"{model.task.id} has no horizon: its values are floats", "take `exact=False`, or give it a horizon")
+        return _stationary(model, pi)
+    if exact:
+        return _in_rationals(model, pi)
+    return _in_floats(model, pi)
+
+
+def _in_floats(model: Model, pi: Array) -> PolicyEvaluation:
+    shape = (model.n_actions, model.n_states)
+
+    def backup(t: int, V: Array) -> Array:
+        step = model.step(t)
+        return action_values(step.P, step.R.reshape(shape), model.discount, V)
+
+    def choose(t: int, q: Array) -> Array:
+        return np.asarray((pi[t].T * q).sum(axis=0))
+
+    V = np.zeros((len(pi) + 1, model.n_states))
+    Q = np.zeros(pi.shape)
+    for t, q, value in backward(backup, choose, V[-1], len(pi)):
+        Q[t] = q.T
+        V[t] = value
+    d = np.zeros((len(pi), model.n_states))
+    now = model.start
+    for t in range(len(pi)):
+        d[t] = now
+        now = model.discount * (model.step(t).P.T @ (pi[t].T * now).reshape(-1))
+    return PolicyEvaluation(model, pi, V, Q, d, float(model.start @ V[0]))
+
+
+def _in_rationals(model: Model, pi: Array) -> PolicyEvaluation:
+    try:
+        numbers = Rational(model, Reader(as_written=True))
+    except Inexact:
+        refuse(
+            f"{model.task.id} is too large for rationals, or draws with irrational probabilities", "take `exact=False`"
+        )
+
+    def choose(t: int, q: Scaled) -> Scaled:
+        return numbers.follow(Scaled.of(pi[t].T), q)
+
+    V = np.full((len(pi) + 1, model.n_states), Fraction(0), dtype=object)
+    Q = np.full(pi.shape, Fraction(0), dtype=object)
+    for t, q, value in backward(numbers.backup, choose, numbers.zero(), len(pi)):
+        Q[t] = _fractions(q).T
+        V[t] = _fractions(value)
+    d = np.full((len(pi), model.n_states), Fraction(0), dtype=object)
+    start = _fractions(numbers.start)
+    now = start
+    for t in range(len(pi)):
+        d[t] = now
+        now = numbers.discount * _moved(numbers, t, now[:, None] * pi[t])
+    return PolicyEvaluation(model, pi, V, Q, d, (start * V[0]).sum())
+
+
+def _fractions(values: Scaled) -> Array:
+    """Return scaled numbers as an object array of fractions."""
+    found = np.empty(values.parts.shape, dtype=object)
+    found.reshape(-1)[:] = [Fraction(part, values.over) for part in values.parts.reshape(-1).tolist()]
+    return found
+
+
+def _moved(numbers: Rational, t: int, acting: Array) -> Array:
+    """Return the probabilities (S,) of the states at the next time, from those of states and actions (S, A)."""
+    after = np.full(len(acting), Fraction(0), dtype=object)
+    over = numbers.step(t).weights.over
+    for s, a in zip(*np.nonzero(acting), strict=True):
+        for column, weight in numbers.goes_on(t, a * len(acting) + s):
+            after[column] += acting[s, a] * Fraction(weight, over)
+    return after
+
+
+def _stationary(model: Model, pi: Array) -> PolicyEvaluation:
+    """Return the values of a policy without a horizon: solutions of linear equations."""
+    step = model.step(0)
+    policy = np.ascontiguousarray(pi[0].T)
+    R = step.R.reshape(policy.shape)
+    P = model.discount * followed(step.P, policy)
+    V = chain_values(P, (policy * R).sum(axis=0), model.acting)
+    d = chain_values(P.T.tocsr(), model.start, model.acting)
+    Q = action_values(step.P, R, model.discount, V)
+    return PolicyEvaluation(model, pi, V[None], Q.T[None], d[None], float(model.start @ V))
+
+
+# -- gradients --------------------------------------------------------------------------------------------------------
+
+
+def policy_gradient(
+    task: TaskLike, policy: Any, *, by: By = "state", discounted: bool = True, exact: bool = False
+) -> Array:
+    """Return the exact gradient of the expected return with respect to the logits theta of a softmax table.
+
+        pi(a | x) = exp(theta[x, a]) / sum over b of exp(theta[x, b]),
+        dJ / dtheta[x, a] = sum over t, s with row x of d[t, s] pi(a | x) A[t, s, a].
+
+    The policy alone determines its logits, up to a constant in each row that changes nothing.
+
+    Args:
+        task: a finite task, its id or its path.
+        policy: as `evaluate` takes it; probabilities that a table of logits gives.
+        by: the rows x of the table: states of the model, or observations.
+        discounted: whether d has the weight gamma^t. Usual implementations leave it out, and then follow no gradient (C. Nota
+            and P. Thomas, Is the policy gradient a gradient?, 2020).
+        exact: in rationals.
+
+    Returns:
+        (S, A) or (O, A), float64 or an object array of fractions, in the unit of the reward.
+
+    Raises:
+        SpecError: as for `evaluate`; E712 without a horizon where `discounted` is False.
+
+    Source: R. Sutton, D. McAllester, S. Singh and Y. Mansour, Policy gradient methods (2000), theorem 1; Sutton and Barto
+    (2018), equation (13.5).
+    """
+    found = evaluate(task, policy, exact=exact)
+    weights = found.occupancy
+    if not discounted:
+        weights = _undiscounted(found, exact)
+    each = weights[..., None] * found.pi * found.A
+    if by == "observation":
+        each = found._over_observations(each)
+    elif by != "state":
+        misused(f"'{by}' is no kind of row", '"state" or "observation"')
+    return np.asarray(each.sum(axis=0))
+
+
+def _undiscounted(found: PolicyEvaluation, exact: bool) -> Array:
+    """Return Pr(S_t = s) (T, S) from gamma^t Pr(S_t = s)."""
+    if found.model.horizon is None:
+        refuse(f"{found.task.id} has no horizon: states may be visited infinitely often")
+    gamma = Reader(as_written=True)(found.model.discount) if exact else found.model.discount
+    if gamma == 0:
+        misused("with a discount of 0 later states have no weight to take away")
+    return np.stack([d / gamma**t for t, d in enumerate(found.occupancy)])
+
+
+# -- maximum entropy --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SoftValues:
+    """The soft values of a task with a horizon, float64.
+
+    Attributes:
+        pi: (T, S, A), the maximum-entropy policy; `evaluate(task, soft.pi)` has its occupancies and return.
+        V: (T + 1, S), soft values; V[T] is 0.
+        Q: (T, S, A), soft action values.
+    """
+
+    pi: Array
+    V: Array
+    Q: Array
+
+
+def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal: bool = True) -> SoftValues:
+    """Return the soft values of a task, or of another reward in it, and the maximum-entropy policy.
+
+        causal (MCE):          Q[t, s, a] = R(s, a) + gamma sum over s' of P(s' | s, a) V[t + 1, s'],
+        not causal (MaxEnt):   Q[t, s, a] = log(sum over s' of P(s' | s, a) exp(beta (gamma^t r + V[t + 1, s']))) / beta,
+        both:                  V[t, s] = log(sum over a of exp(beta Q[t, s, a])) / beta,   pi = exp(beta (Q - V)).
+
+    Args:
+        task: a finite task with a horizon, its id or its path.
+        beta: the inverse temperature.
+        reward: float (S, A), paid for an action in a state, in place of the task's reward.
+        causal: MCE; else the distribution of trajectories in proportion to P(tau) exp(beta R(tau)).
+
+    Returns:
+        Soft values and the policy, float64, in the unit of the reward.
+
+    Raises:
+        SpecError: E712 without an exact model or a horizon; E713 for a reward of another shape.
+
+    Source: B. Ziebart, Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy (2010), equations
+    (9.1) to (9.3); B. Ziebart, A. Maas, J. Bagnell and A. Dey, Maximum entropy inverse reinforcement learning (2008).
+    """
+    model = model_of(task)
+    if model.horizon is None:
+        refuse(f"{model.task.id} has no horizon", "give it one")
+    if not causal and reward is None and Steps(model.task).reward is not model.task.process.reward:
+        refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
+    paid = None if reward is None else _by_action(model, reward)
+    q_values = _mce(model, paid) if causal else _maxent(model, paid, beta)
+    V = np.zeros((model.horizon + 1, model.n_states))
+    Q = np.zeros((model.horizon, model.n_states, model.n_actions))
+
+    def choose(t: int, q: Array) -> Array:
+        return np.asarray(np.logaddexp.reduce(beta * model.among_legal(q, -np.inf), axis=0) / beta)
+
+    for t, q, value in backward(q_values, choose, V[-1], model.horizon):
+        Q[t] = q.T
+        V[t] = value
+    pi = np.exp(beta * (Q - V[:-1, :, None]))
+    if model.legal is not None:
+        pi = np.where(model.legal.T, pi, 0.0)
+    return SoftValues(pi, V, Q)
+
+
+def _by_action(model: Model, reward: Any) -> Array:
+    """Return a reward (A, S) that is given as (S, A)."""
+    found = plain(reward).astype(np.float64)
+    if found.shape != (model.n_states, model.n_actions):
+        misused(f"a reward has shape ({model.n_states}, {model.n_actions}), not {found.shape}")
+    return np.asarray(found.T)
+
+
+def _mce(model: Model, paid: Array | None) -> Callable[[int, Array], Array]:
+    """Return the function from t and V[t + 1] (S,) to the causal Q[t] (A, S)."""
+
+    def backup(t: int, V: Array) -> Array:
+        step = model.step(t)
+        R = step.R.reshape(model.n_actions, model.n_states) if paid is None else paid
+        return action_values(step.P, R, model.discount, V)
+
+    return backup
+
+
+def _maxent(model: Model, paid: Array | None, beta: float) -> Callable[[int, Array], Array]:
+    """Return the function from t and V[t + 1] (S,) to the Q[t] (A, S) that is not causal."""
+
+    def backup(t: int, V: Array) -> Array:
+        found = outcome_table(model, t)
+        reward = found.reward if paid is None else paid.reshape(-1)[found.row]
+        later = np.where(found.ends, 0.0, V[found.column])
+        q = np.full(model.n_actions * model.n_states, -np.inf)
+        np.logaddexp.at(q, found.row, np.log(found.weight) + beta * (model.discount**t * reward + later))
+        q[np.isneginf(q)] = 0.0  # no outcome: no episode acts there
+        return q.reshape(model.n_actions, model.n_states) / beta
+
+    return backup
+
+
+def feature_expectations(task: TaskLike, policy: Any, features: Any, *, last: bool = True) -> Array:
+    """Return the expected discounted sum of features of the states that an episode visits.
+
+        E[sum over t of gamma^t phi(S_t)]
+
+    Args:
+        task: a finite task with a horizon, its id or its path.
+        policy: as `evaluate` takes it; `soft_values(task, reward=r).pi` for maximum-entropy inverse reinforcement learning.
+        features: phi, float (S,) or (S, K), over the states of the model; `np.eye(S)` gives the visits of each state.
+        last: whether the state in which an episode ends counts, once, as it does where all trajectories have T + 1 states.
+
+    Returns:
+        float64 () or (K,), in the unit of the features.
+
+    Raises:
+        SpecError: as for `evaluate`; E712 without a horizon; E713 for features of another shape.
+
+    Source: Ziebart, Maas, Bagnell and Dey (2008), algorithm 1, steps 4 to 6.
+    """
+    found = evaluate(task, policy)
+    model = found.model
+    if model.horizon is None:
+        refuse(f"{model.task.id} has no horizon", "give it one")
+    phi = plain(features).astype(np.float64)
+    if phi.ndim not in (1, 2) or len(phi) != model.n_states:
+        misused(f"features have shape ({model.n_states},) or ({model.n_states}, K), not {phi.shape}")
+    visits = found.occupancy.sum(axis=0)
+    if last:
+        visits = visits + _last_states(found)
+    return np.asarray(visits @ phi)
+
+
+def _last_states(found: PolicyEvaluation) -> Array:
+    """Return the discounted probability (S,) that an episode ends in each state, by termination or by the horizon."""
+    model = found.model
+    total = np.zeros(model.n_states)
+    for t, d in enumerate(found.occupancy):
+        acting = (found.pi[t] * d[:, None]).T.reshape(-1)
+        step = model.step(t)
+        if step.P_end is not None:
+            total += step.P_end.T @ acting
+        if t + 1 == len(found.occupancy):
+            total += step.P.T @ acting
+    return model.discount * total
