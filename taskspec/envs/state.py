@@ -14,7 +14,6 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.named import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
-from taskspec.exact.model.space import Space
 from taskspec.language.expressions.ir import Role
 from taskspec.language.expressions.types import Domain, Kind
 from taskspec.language.task.legal import action_mask
@@ -157,6 +156,7 @@ class Masks:
         self._task = task
         self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
         self._table: Array | None = None
+        from taskspec.exact.model.space import Space  # with SciPy, which other environments do not need
 
         space = Space(task.state, Role.STATE)
         if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
