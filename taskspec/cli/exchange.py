@@ -106,5 +106,9 @@ def import_(
     an environment is made by [green]gymnasium.make[/].
     """
     from taskspec.tools.exchange.importing import imported
+    from taskspec.tools.exchange.spec_text import spec_text
 
-    write_output(imported(source, format, name, horizon).spec(), output)
+    task = imported(source, format, name, horizon)
+    write_output(spec_text(task), output)
+    for remark in task.remarks:
+        say(f"  {remark}", err=True)

@@ -154,6 +154,7 @@ def _print_cover(found: Covering, family: str, folder: Path) -> None:
 def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     """Print what was found, and write its spec."""
     from taskspec.learn.experiments.separate import finding
+    from taskspec.tools.exchange.spec_text import spec_text
     from taskspec.tools.exchange.tables import FrozenTask
 
     if json:
@@ -162,7 +163,7 @@ def _report(found: Separation, family: str, output: Path, json: bool) -> None:
         write_json({
             "worse": found.worse, "better": found.better, "scores": found.scores, "means": means, "p_value": found.p_value,
             "tried": found.tried, "path": found.path, "is_complete": found.is_complete,
-            "task": None if task is None else task.spec() if isinstance(task, FrozenTask) else task.id,
+            "task": None if task is None else spec_text(task) if isinstance(task, FrozenTask) else task.id,
         })  # fmt: skip
         return
     if not found.worse:
@@ -181,7 +182,7 @@ def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     if not found.is_complete:
         out.print(line(("  the search was stopped before it ended", "quiet")))
     if isinstance(found.task, FrozenTask):
-        text = finding(found, family).spec()
+        text = spec_text(finding(found, family))
         write_text(output, text)
         say("\n" + text[text.index("state:") :])
         say(f"wrote {near(output)}")
@@ -203,8 +204,9 @@ def freeze(
     """
     from taskspec.language.targets import task_of
     from taskspec.tools.exchange.freeze import freeze as frozen
+    from taskspec.tools.exchange.spec_text import spec_text
 
     given = list(parameters or [])
     if seed is not None:
         given.append(f"instance_seed={seed}")
-    write_output(frozen(task_of(task, variant, given, modifiers or [])).spec(), output)
+    write_output(spec_text(frozen(task_of(task, variant, given, modifiers or []))), output)

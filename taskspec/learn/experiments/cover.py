@@ -33,6 +33,7 @@ from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.races import Contestant
 from taskspec.learn.experiments.shrink import size
 from taskspec.tools.exchange.freeze import freeze
+from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.exchange.tables import FrozenTask
 
 ROUNDS = 2
@@ -136,7 +137,8 @@ class CoverTask:
             f"Found as {self.instance.id}."
         )
         summary = f"Separates {', '.join(sorted(self.separated))} from the right version."
-        return freeze(self.tables.task()).called(name, "A task that separates mistakes", summary, description).spec()
+        tables = freeze(task_of_tables(self.tables))
+        return spec_text(tables.called(name, "A task that separates mistakes", summary, description))
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from taskspec.learn.experiments.instances import Instance, expand
 from taskspec.learn.experiments.references import monte_carlo, q_learning
 from taskspec.learn.learners import CannotLearn
 from taskspec.tools.exchange.freeze import freeze
+from taskspec.tools.exchange.spec_text import task_of_tables
 from taskspec.tools.exchange.tables import FrozenTask
 
 EPISODES = 1000
@@ -166,7 +167,7 @@ def _task(subject: Subject) -> Task:
     if found is None:
         assert isinstance(subject, Instance)
         return subject.load()
-    return found.task()
+    return task_of_tables(found)
 
 
 def tables_of(subject: Subject) -> FrozenTask | None:

@@ -25,6 +25,7 @@ from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.races import Contestant, Subject
 from taskspec.learn.experiments.shrink import shrink
 from taskspec.tools.exchange.freeze import freeze
+from taskspec.tools.exchange.spec_text import task_of_tables
 from taskspec.tools.exchange.tables import FrozenTask
 
 KEPT_GAP = 0.7
@@ -224,7 +225,7 @@ def finding(separation: Separation, family: str) -> FrozenTask:
     """
     tables = separation.task
     assert isinstance(tables, FrozenTask)
-    fresh = freeze(tables.task())
+    fresh = freeze(task_of_tables(tables))
     (worse, low, high), (better, least, most) = separation.intervals
     description = (
         f"{separation.worse} scores {fixed(worse, 2)} {interval(low, high)} here, and {separation.better} {fixed(better, 2)} "

@@ -12,7 +12,8 @@ import numpy as np
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.exact.solve.outcomes import Outcome
-from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled, guarded
+from taskspec.tools.exchange.assembling import Contents, Row, assembled
+from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded
 from taskspec.tools.exchange.tables import FrozenTask
 
 COLUMNS = {
@@ -29,23 +30,30 @@ COLUMNS = {
 def write_p(task: FrozenTask) -> bytes:
     """Return JSON: under `P` lists `[probability, next state, reward, terminated]` by state and action.
 
-    Numbers are floats, and keys strings. `initial` is the start distribution, as toy_text's `initial_state_distrib` is.
+    Numbers are floats, and keys strings. `initial` is the start distribution, as toy_text's `initial_state_distrib` is, and
+    `observations` has what is observed in each state, where that is not the state.
     """
     P: dict[str, dict[str, list[list[Any]]]] = {}
     for s, a, o in task.steps():
         row = P.setdefault(str(s), {}).setdefault(str(a), [])
         row.append([float(o.probability), o.state, float(o.reward), o.ends])
-    data = {
+    data: dict[str, Any] = {
         "name": task.name, "horizon": _steps(task), "discount": float(task.discount), "states": task.states,
         "actions": task.actions, "initial": [float(p) for p in task.start], "P": P,
     }  # fmt: skip
+    if task.labels:
+        data["labels"] = {name: sorted(held) for name, held in task.labels.items()}
+    if task.seen is not None:
+        data["observations"] = task.seen
     return (json.dumps(data) + "\n").encode()
 
 
 def read_p(source: ForeignFile) -> FrozenTask:
     """Return the task of such a file; `P` alone, without other keys, starts in state 0."""
     data = json.loads(source.text())
-    return _of_p(source, data.get("P", data), data if "P" in data else {})
+    if "P" not in data:
+        return _of_p(source, data, {})
+    return _of_p(source, data.pop("P"), data)
 
 
 def read_environment(name: str) -> FrozenTask:
@@ -55,7 +63,7 @@ def read_environment(name: str) -> FrozenTask:
         name: an id, such as `FrozenLake-v1`.
 
     Raises:
-        SpecError: E701 for one that cannot be made, E728 for one without `P`.
+        SpecError: E701 for one that cannot be made, E728 for one without `P`, or whose observations are not its states.
     """
     import gymnasium
 
@@ -67,38 +75,61 @@ def read_environment(name: str) -> FrozenTask:
     source = ForeignFile(name, b"")
     if not isinstance(getattr(inner, "P", None), Mapping):
         source.wrong("the environment has no table `P`")
+    if getattr(env.observation_space, "n", None) != len(inner.P):
+        source.wrong(f"its observations are {env.observation_space}, not the {len(inner.P)} states of its table `P`")
+    other: dict[str, Any] = {}
     start = getattr(inner, "initial_state_distrib", None)
-    other = {
-        "initial": None if start is None else np.asarray(start).tolist(),
-        "horizon": env.spec.max_episode_steps if env.spec is not None else None,
-    }
+    if start is not None:
+        other["initial"] = np.asarray(start).tolist()
+    if env.spec is not None:
+        other["horizon"] = env.spec.max_episode_steps
     env.close()
     return guarded(lambda source: _of_p(source, inner.P, other))(source)
 
 
-def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
-    """Return the task of a table by state and action, keys being numbers or their texts."""
+def _of_p(source: ForeignFile, P: Any, other: dict[str, Any]) -> FrozenTask:
+    """Return the task of a table by state and action, keys being numbers or their texts; other keys are taken out."""
     by_state = {int(s): {int(a): outcomes for a, outcomes in row.items()} for s, row in P.items()}
-    names = list(other.get("actions", ()))
+    names = list(other.pop("actions", ()))
     rows: list[Row] = []
     for s in range(len(by_state)):
         row = {}
         for a, outcomes in sorted(by_state[s].items()):
-            row[str(names[a]) if a < len(names) else str(a)] = [
+            row[_action(source, names, a)] = [
                 Outcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
             ]
         rows.append(row)
-    start = {s: float(p) for s, p in enumerate(other.get("initial") or [1.0])}
-    states = other.get("states", ())
-    return assembled(source, start, rows, states, other.get("horizon"), other.get("discount", 1.0))
+    seen = other.pop("observations", None)
+    if seen is not None:
+        seen = tuple(tuple(map(float, row)) for row in seen)
+    other.pop("name", None)
+    return assembled(source, Contents(
+        start={s: float(p) for s, p in enumerate(other.pop("initial", None) or [1.0])}, rows=rows,
+        states=other.pop("states", ()), horizon=other.pop("horizon", None), discount=other.pop("discount", 1.0), seen=seen,
+        labels={name: frozenset(map(int, held)) for name, held in other.pop("labels", {}).items()}, lost=tuple(other),
+    ))  # fmt: skip
+
+
+def _action(source: ForeignFile, names: list[Any], a: int) -> str:
+    """Return the name of an action; its number where there are no names."""
+    if not names and a >= 0:
+        return str(a)
+    if not 0 <= a < len(names):
+        source.wrong(f"there is an action {a}, and {len(names)} names of actions")
+    return str(names[a])
 
 
 def _steps(task: FrozenTask) -> int | None:
-    return task.horizon if task.last is None else task.last + 1
+    if task.last is None:
+        return task.horizon
+    return task.last + 1
 
 
 def write_npz(task: FrozenTask) -> bytes:
-    """Return arrays: of outcomes (`COLUMNS`), `start`, `states`, `actions`, `horizon` (0: none), `discount`, and labels."""
+    """Return arrays: of outcomes (`COLUMNS`), `start`, `states`, `actions`, `horizon` (0: none), `discount`, and labels.
+
+    `observations` (S, N) has what is observed in each state, where that is not the state.
+    """
     columns: list[list[Any]] = [[] for _ in COLUMNS]
     for s, a, o in task.steps():
         for column, value in zip(columns, (s, a, o.state, float(o.probability), float(o.reward), o.ends), strict=True):
@@ -110,6 +141,8 @@ def write_npz(task: FrozenTask) -> bytes:
         arrays[f"component_{component}"] = np.array([row[component] for row in task.values])
     for name, held in task.labels.items():
         arrays[f"label_{name}"] = np.array([s in held for s in range(len(task.states))])
+    if task.seen is not None:
+        arrays["observations"] = np.array(task.seen, np.float64)
     result = io.BytesIO()
     np.savez_compressed(
         result, start=np.array([float(p) for p in task.start]), states=np.array(task.states), actions=np.array(task.actions),
@@ -121,18 +154,25 @@ def write_npz(task: FrozenTask) -> bytes:
 def read_npz(source: ForeignFile) -> FrozenTask:
     """Return the task of such arrays; nothing in them is executed."""
     arrays = _loaded(source)
-    columns = [arrays[name].astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
-    start = arrays["start"].astype(np.float64, casting="same_kind").tolist()
+    columns = [arrays.pop(name).astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
+    start = arrays.pop("start").astype(np.float64, casting="same_kind").tolist()
     rows: list[dict[str, list[Outcome]]] = [{} for _ in start]
-    names = arrays["actions"].tolist()
+    names = arrays.pop("actions").tolist()
     for s, a, to, probability, reward, ends in zip(*columns, strict=True):
-        if not 0 <= s < len(rows) or a < 0:
-            source.wrong(f"there is no state {s}, or no action {a}")
-        rows[s].setdefault(str(names[a]), []).append(Outcome(probability, to, reward, ends))
-    horizon = int(arrays["horizon"]) or None
-    return assembled(
-        source, dict(enumerate(start)), rows, arrays["states"].tolist(), horizon, float(arrays["discount"])
-    )
+        if not 0 <= s < len(rows):
+            source.wrong(f"there is no state {s}")
+        rows[s].setdefault(_action(source, names, a), []).append(Outcome(probability, to, reward, ends))
+    seen = None
+    if "observations" in arrays:
+        seen = tuple(map(tuple, arrays.pop("observations").astype(np.float64, casting="same_kind").tolist()))
+    labels = {}
+    for name in [name for name in arrays if name.startswith("label_")]:
+        labels[name.removeprefix("label_")] = frozenset(np.flatnonzero(arrays.pop(name)).tolist())
+    return assembled(source, Contents(
+        start=dict(enumerate(start)), rows=rows, states=arrays.pop("states").tolist(),
+        horizon=int(arrays.pop("horizon")) or None, discount=float(arrays.pop("discount")), seen=seen, labels=labels,
+        lost=tuple(arrays),
+    ))  # fmt: skip
 
 
 def _loaded(source: ForeignFile) -> dict[str, Any]:

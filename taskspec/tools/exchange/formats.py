@@ -79,7 +79,10 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield f"states: those of the abstraction of {task.name}"
     if not task.observation.is_state:
         names = ", ".join(c.name for c in task.observation.components)
-        yield f"observations ({names}): not in the file; its states are the task's"
+        if found.seen is None:
+            yield f"observations ({names}): not in the file; its states are the task's"
+        elif format.is_settled:
+            yield f"observations ({names}): numbered"
     if task.mask and not format.is_settled:
         yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
     if task.process.measures:
@@ -88,8 +91,6 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield "probabilities and rewards: floats"
     elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
         yield "probabilities: floats; a draw of the task has no rational ones"
-    if format.name == "gym-p" and found.labels:
-        yield f"labels ({', '.join(found.labels)}): not in the file"
     yield from _notes_on_time(found, format)
 
 

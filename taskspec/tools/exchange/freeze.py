@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -38,11 +39,11 @@ def freeze(task: Task) -> FrozenTask:
     task = with_all_actions(task)
     model = extract(task, reachable=True)
     frozen = tables(model, MOST_STATES)
-    seen = _observations(model)
-    if seen is not None:
+    if not task.observation.is_state:
+        if frozen.seen is None:
+            refuse(f"observations of {task.id} are not functions of the state")
         if model.is_timed and frozen.last is None:
             refuse(f"{task.id} depends on the time, which its observations leave out", "add the time to the state")
-        frozen = replace(frozen, seen=tuple(seen[s] for s in np.flatnonzero(model.entered).tolist()))
     results = Results(task, 1)
     claims = {}
     for name in ("optimal", "random", "worst"):
@@ -77,7 +78,7 @@ def tables(model: Model, most: int) -> FrozenTask:
         name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in found.places], values, "s"),
         actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
         start=found.start, outcomes=found.outcomes, horizon=model.horizon, discount=found.discount, last=found.last,
-        values=values,
+        values=values, seen=_observations(model, found.places, found.is_timed),
         labels={name: frozenset(index[p] for p in found.places if holds[p[1]]) for name, holds in _conditions(model)},
     )  # fmt: skip
 
@@ -127,13 +128,17 @@ def _conditions(model: Model) -> Iterator[tuple[str, Array]]:
                     continue
 
 
-def _observations(model: Model) -> list[tuple[float, ...]] | None:
-    if model.task.observation.is_state:
-        return None
+def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tuple[tuple[float, ...], ...] | None:
+    """Return the numbers that are observed in each place; None where those are the state, or no function of the place."""
     reader = ProbabilisticPolicy(model.task, np.asarray, 0)
-    if reader.is_noisy or reader.sees_time:
-        refuse(f"observations of {model.task.id} are not functions of the state")
-    rows = reader.observe(states_of(model), 0, np.random.default_rng(0))
-    parts = list(rows.values()) if isinstance(rows, dict) else [rows]
-    flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
-    return [tuple(row) for row in flat.tolist()]
+    if model.task.observation.is_state or reader.is_noisy or (reader.sees_time and not is_timed):
+        return None
+
+    @cache
+    def seen_at(t: int) -> list[tuple[float, ...]]:
+        rows = reader.observe(states_of(model), t, np.random.default_rng(0))
+        parts = list(rows.values()) if isinstance(rows, dict) else [rows]
+        flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
+        return [tuple(row) for row in flat.tolist()]
+
+    return tuple(seen_at(t if reader.sees_time else 0)[s] for t, s in places)

@@ -17,8 +17,10 @@ from taskspec.exact.solve.backward import Greedy, Uniform
 from taskspec.exact.solve.outcomes import Number
 from taskspec.exact.solve.solve import Solvers
 from taskspec.tools.exchange.formats import read
+from taskspec.tools.exchange.reading import listed
 from taskspec.tools.exchange.settled import PHASE
-from taskspec.tools.exchange.tables import FrozenTask, plain_names, separated, visited
+from taskspec.tools.exchange.spec_text import has_mean_rewards
+from taskspec.tools.exchange.tables import FrozenTask, cleared, plain_names, separated
 
 NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,59}")
 
@@ -37,21 +39,27 @@ def imported(place: str, format: str | None = None, name: str | None = None, hor
     """
     if name is not None and not NAME.fullmatch(name):
         raise spec_error("E713", f"'{name}' is not a name", "a capital letter, and letters and digits")
-    found = read(place, format)
+    task = read(place, format)
+    if task.labels:
+        task = task.remarked(f"lost: labels ({listed(list(task.labels))})")
     if horizon is not None:
-        found = replace(found, horizon=horizon)
-    width = _width(found)
+        task = replace(task, horizon=horizon)
+    width = _width(task)
     if width is None:
-        found = visited(found)
-    names = _names(found, width)
-    cells = len(names) ** 2 * len(found.actions)
-    found = separated(replace(found, states=names, width=width), everywhere=cells > limits().cells)
+        task = cleared(task)
+    names = _names(task, width)
+    cells = len(names) ** 2 * len(task.actions)
+    task = separated(replace(task, states=names, width=width), everywhere=cells > limits().cells)
+    if has_mean_rewards(task):
+        task = task.remarked(
+            "rewards: their mean for each state and action, as a table by next state would be too large"
+        )
     text = {
         "title": f"{Path(place).stem}, imported",
         "summary": f"The decision process of {Path(place).name}.",
         "capability": "imported",
     }
-    return replace(found, name=name or _name(place), text=text, claims=_returns(found))
+    return replace(task, name=name or _name(place), text=text, claims=_returns(task))
 
 
 def _name(place: str) -> str:
@@ -63,7 +71,8 @@ def _name(place: str) -> str:
 
 def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
     """Return names of states: their components with their values, where the source has them; rows and columns of a grid."""
-    if not task.values and width is not None:
+    is_numbered = task.states == tuple(f"s{s}" for s in range(len(task.states)))
+    if not task.values and width is not None and is_numbered:
         return tuple(f"r{s // width}c{s % width}" for s in range(len(task.states)))
     if not task.values:
         return task.states
@@ -108,8 +117,8 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
     start = np.array(task.start, np.float64)
     model = tabulated(outcomes, start, len(task.actions), task.horizon, float(task.discount), legal)
     solver = Solvers(model).in_floats
-    found: dict[str, Number] = {}
+    returns: dict[str, Number] = {}
     for name, rule in (("optimal_return", Greedy()), ("random_return", Uniform())):
         with suppress(NoModel):
-            found[name] = solver.value(rule).value
-    return found
+            returns[name] = solver.value(rule).value
+    return returns

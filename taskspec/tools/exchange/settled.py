@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
-from taskspec.tools.exchange.tables import FrozenTask, visited
+from taskspec.tools.exchange.tables import FrozenTask, cleared
 
 FIRST = "draw"
 """The label of the state that draws the first state of an episode, where that is not always the same."""
@@ -42,11 +42,15 @@ def settled(task: FrozenTask) -> FrozenTask:
         else:
             rows.append(((_free(Fraction(1), index[s, 2]),),))
     values = task.values or [{"s": s} for s in range(len(task.states))]
+    seen = task.seen
+    if seen is not None:  # nothing is observed before the first state
+        seen = tuple(seen[s] if phase else () for s, phase in places)
     labels = {}
     for name, held in task.labels.items():
         labels[name] = frozenset(i for (s, phase), i in index.items() if s in held and phase > 0)
-    for name, label_phase in ((FIRST, 0), (END, 2)):
-        labels[name] = frozenset(i for (_, phase), i in index.items() if phase == label_phase)
+    labels[END] = frozenset(i for (_, phase), i in index.items() if phase == 2)
+    if len(starts) > 1:
+        labels[FIRST] = frozenset({0})
     horizon = task.horizon
     if task.last is not None:
         horizon = task.last + 1
@@ -55,7 +59,7 @@ def settled(task: FrozenTask) -> FrozenTask:
     first = index.get((starts[0], 0), index[starts[0], 1])
     return replace(
         task, states=tuple(f"{task.states[s]}{_SUFFIX[phase]}" for s, phase in places), outcomes=tuple(rows),
-        values=tuple({**values[s], PHASE: phase} for s, phase in places), labels=labels, last=None, seen=None,
+        values=tuple({**values[s], PHASE: phase} for s, phase in places), labels=labels, last=None, seen=seen,
         start=tuple(Fraction(i == first) for i in range(len(places))), horizon=horizon, discount=Fraction(1),
     )  # fmt: skip
 
@@ -114,14 +118,31 @@ def unsettled(task: FrozenTask) -> FrozenTask:
             ends.add(s)
     rows = []
     for by_action in task.outcomes:
-        by_action = by_action * (len(task.actions) if len(by_action) == 1 else 1)
         rows.append(tuple(tuple(replace(o, ends=o.state in ends) for o in outcomes) for outcomes in by_action))
-    start = list(task.start)
+    labels = dict(task.labels)
+    if labels.get(END, frozenset()) <= ends:
+        labels.pop(END, None)
+    plain = replace(task, outcomes=tuple(rows), labels=labels)
+    first = _drawing(plain)
+    if first is None:
+        return cleared(plain)
+    del labels[FIRST]
+    chances = {outcome.state: outcome.probability for outcome in rows[first][0]}
+    start = tuple(chances.get(s, Fraction(0)) for s in range(len(rows)))
     horizon = task.horizon
-    for first in task.labels.get(FIRST, ()):
-        if start[first] == 1:
-            start = [Fraction(0)] * len(start)
-            for outcome in rows[first][0]:
-                start[outcome.state] = outcome.probability
-            horizon = None if horizon is None else horizon - 1
-    return visited(replace(task, outcomes=tuple(rows), start=tuple(start), horizon=horizon))
+    if horizon is not None:
+        horizon -= 1
+    return cleared(replace(plain, start=start, horizon=horizon, labels=labels), known=1)
+
+
+def _drawing(task: FrozenTask) -> int | None:
+    """Return the state that draws the first state: where episodes start, without choices and rewards, and never return."""
+    likely = [s for s, probability in enumerate(task.start) if probability]
+    if task.horizon == 1 or len(likely) != 1 or task.labels.get(FIRST) != frozenset(likely):
+        return None
+    (first,) = likely
+    is_free = not any(outcome.reward or outcome.ends for outcome in task.outcomes[first][0])
+    is_left = all(outcome.state != first for _, _, outcome in task.steps())
+    if is_free and is_left and len(set(task.outcomes[first])) == 1:
+        return first
+    return None

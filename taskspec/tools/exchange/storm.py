@@ -6,7 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -108,7 +108,7 @@ def compared(model: Model, found: FrozenTask) -> Iterator[ComparedReturn]:
     Raises:
         SpecError: E705 without stormpy, E712 for a task whose returns are not known.
     """
-    ready = settled(found)
+    ready = settled(replace(found, seen=None))  # returns of policies that see the state
     best, worst = solved(ready, property_of(ready, "max"), property_of(ready, "min"))
     random = at_random(ready)
     (middle,) = solved(random, property_of(random, "max"))

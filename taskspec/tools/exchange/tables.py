@@ -1,37 +1,23 @@
-"""Finite tasks as tables, and the spec that says the same as a table."""
+"""Finite tasks as tables."""
 
 from __future__ import annotations
 
-import json
 import keyword
 import re
 import textwrap
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import cached_property
 
-from taskspec.base.display import small_fraction
-from taskspec.base.limits import limits
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
-from taskspec.language.task.task import Task
 
-PLAIN = 10_000
-"""The largest denominator of a float that is written as a fraction."""
-SIMPLE = 1_000
-"""The largest denominator of a return that is written as a fraction: others are near one by chance."""
-LONGEST = 256
-"""Bits of the numbers in a fraction that is written in full."""
-EXACT = 1e-12
-MOST_DRAWN = 300
-"""States of a matrix that is drawn."""
-MOST_ENDS = 12
-"""States that are listed in a condition; more of them are written as a table."""
-_NAME = re.compile(r"[A-Za-z]\w{0,39}", re.ASCII)
-_TAKEN = frozenset({"s", "a", "t", "T", "pi", "inf", "true", "false", "terminal", "else", "seen", *keyword.kwlist})
+LONGEST_NAME = 40
+"""Letters of the name of a state or action."""
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_TAKEN = frozenset({
+    "s", "a", "t", "T", "pi", "inf", "true", "false", "null", "terminal", "by", "rows", "then", "else", "seen",
+    *keyword.kwlist,
+})  # fmt: skip
 """Words that mean something else in the spec of a table."""
 
 
@@ -54,6 +40,7 @@ class FrozenTask:
         text: `title`, `summary`, `description`, `capability`.
         claims: exact returns, by name.
         width: the columns of a grid whose cells are the states, row by row; None where they are none.
+        remarks: the parts of its source that the tables do not have, or have in another form.
     """
 
     name: str
@@ -70,30 +57,27 @@ class FrozenTask:
     text: Mapping[str, str] = field(default_factory=dict)
     claims: Mapping[str, Number] = field(default_factory=dict)
     width: int | None = None
+    remarks: tuple[str, ...] = ()
 
     def steps(self) -> Iterator[tuple[int, int, Outcome]]:
         """Yield every outcome with its state and action."""
         for s, by_action in enumerate(self.outcomes):
-            for a, found in enumerate(by_action):
-                for outcome in found:
+            for a, outcomes in enumerate(by_action):
+                for outcome in outcomes:
                     yield s, a, outcome
 
     @cached_property
     def acting(self) -> frozenset[int]:
         """The states in which an episode could act if there were no horizon."""
-        found = {s for s, probability in enumerate(self.start) if probability > 0}
-        waiting = list(found)
+        reached = {s for s, probability in enumerate(self.start) if probability > 0}
+        waiting = list(reached)
         while waiting:
             for outcomes in self.outcomes[waiting.pop()]:
                 for outcome in outcomes:
-                    if not outcome.ends and outcome.state not in found:
-                        found.add(outcome.state)
+                    if not outcome.ends and outcome.state not in reached:
+                        reached.add(outcome.state)
                         waiting.append(outcome.state)
-        return frozenset(found)
-
-    def spec(self) -> str:
-        """Return the text of a spec."""
-        return "\n".join(_lines(self)) + "\n"
+        return frozenset(reached)
 
     def called(self, name: str, title: str, summary: str, description: str) -> FrozenTask:
         """Return the same task with a name and a text of its own; states and actions are numbered."""
@@ -107,9 +91,9 @@ class FrozenTask:
         actions = tuple(f"a{i}" for i in range(len(self.actions)))
         return replace(self, name=name, states=states, actions=actions, text=text)
 
-    def task(self, suite: str = "") -> Task:
-        """Return the task of the spec."""
-        return build(read_text(self.spec(), f"{self.name}.yaml"), suite=suite)
+    def remarked(self, *remarks: str) -> FrozenTask:
+        """Return the same task with further remarks."""
+        return replace(self, remarks=(*self.remarks, *remarks))
 
 
 def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
@@ -118,32 +102,44 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
     Args:
         everywhere: so that whether an episode ends depends on the next state alone; else only where one step does both.
     """
-    both: dict[int, int] = {}
-    anywhere = {outcome.state for s, _, outcome in task.steps() if s in task.acting and not outcome.ends}
-    for by_action in task.outcomes:
-        for outcomes in by_action:
-            going = anywhere if everywhere else {outcome.state for outcome in outcomes if not outcome.ends}
-            for outcome in outcomes:
-                if outcome.ends and outcome.state in going:
-                    both.setdefault(outcome.state, len(task.states) + len(both))
-    if not both:
+    ambiguous = _ambiguous(task, everywhere)
+    if not ambiguous:
         return task
+    copies = {s: len(task.states) + i for i, s in enumerate(ambiguous)}
 
     def moved(outcome: Outcome) -> Outcome:
         if not outcome.ends:
             return outcome
-        return replace(outcome, state=both.get(outcome.state, outcome.state))
+        return replace(outcome, state=copies.get(outcome.state, outcome.state))
 
     rows = [tuple(tuple(map(moved, outcomes)) for outcomes in by_action) for by_action in task.outcomes]
-    for copy in both.values():
-        rows.append(((Outcome(1.0, copy, 0.0, False),),) * len(task.actions))
+    for copy in copies.values():
+        rows.append(_stays(copy, len(task.actions)))
     seen = task.seen
     if seen is not None:
-        seen = (*seen, *(seen[s] for s in both))
-    return replace(
-        task, states=(*task.states, *(f"{task.states[s]}_end" for s in both)), start=(*task.start, *(0.0 for _ in both)),
-        outcomes=tuple(rows), seen=seen, values=(), labels={}, width=None,
-    )  # fmt: skip
+        seen = (*seen, *(seen[s] for s in copies))
+    names = plain_names([*task.states, *(f"{task.states[s]}_end" for s in copies)], "s")
+    start = (*task.start, *(0.0 for _ in copies))
+    return replace(task, states=names, start=start, outcomes=tuple(rows), seen=seen, values=(), labels={}, width=None)
+
+
+def _ambiguous(task: FrozenTask, everywhere: bool) -> list[int]:
+    """Return the states that steps, or else one step, enter both with and without an end."""
+    going = {outcome.state for s, _, outcome in task.steps() if s in task.acting and not outcome.ends}
+    states: dict[int, None] = {}
+    for by_action in task.outcomes:
+        for outcomes in by_action:
+            if not everywhere:
+                going = {outcome.state for outcome in outcomes if not outcome.ends}
+            for outcome in outcomes:
+                if outcome.ends and outcome.state in going:
+                    states[outcome.state] = None
+    return list(states)
+
+
+def _stays(s: int, actions: int) -> tuple[Outcomes, ...]:
+    """Return the outcomes of a state that no action leaves."""
+    return ((Outcome(1.0, s, 0.0, False),),) * actions
 
 
 def visited(task: FrozenTask) -> FrozenTask:
@@ -159,235 +155,48 @@ def visited(task: FrozenTask) -> FrozenTask:
     for s in kept:
         by_action = task.outcomes[s]
         if s not in task.acting:
-            by_action = ((Outcome(1.0, s, 0.0, False),),) * len(task.actions)
+            by_action = _stays(s, len(task.actions))
         rows.append(tuple(tuple(replace(o, state=index[o.state]) for o in outcomes) for outcomes in by_action))
-    labels = {name: frozenset(index[s] for s in held if s in index) for name, held in task.labels.items()}
+    seen = task.seen
+    if seen is not None:
+        seen = tuple(seen[s] for s in kept)
+    values = task.values
+    if values:
+        values = tuple(values[s] for s in kept)
     return replace(
         task, states=tuple(task.states[s] for s in kept), start=tuple(task.start[s] for s in kept), outcomes=tuple(rows),
-        seen=None if task.seen is None else tuple(task.seen[s] for s in kept), labels=labels, width=None,
-        values=tuple(task.values[s] for s in kept) if task.values else (),
+        seen=seen, values=values, width=None,
+        labels={name: frozenset(index[s] for s in held if s in index) for name, held in task.labels.items()},
     )  # fmt: skip
 
 
+def cleared(task: FrozenTask, known: int = 0) -> FrozenTask:
+    """Return the task without states that no episode enters, with a remark on those that are not known to be among them."""
+    kept = visited(task)
+    left_out = len(task.states) - len(kept.states) - known
+    if left_out > 0:
+        kept = kept.remarked(f"lost: {left_out:,} states that no episode enters")
+    return kept
+
+
 def plain_names(names: Sequence[str], letter: str) -> tuple[str, ...]:
-    """Return names if they can be labels in a spec and differ from each other; otherwise a letter and numbers."""
-    names = [re.sub(r"\W", "_", name) for name in names]
-    if len(set(names)) == len(names) and all(_NAME.fullmatch(name) and name not in _TAKEN for name in names):
-        return tuple(names)
-    return tuple(f"{letter}{i}" for i in range(len(names)))
+    """Return names that can be labels in a spec and differ from each other.
 
-
-def written(value: Number) -> str:
-    """Return a number as specs write it: `2`, `1/3`, or with all its decimals."""
-    if isinstance(value, Fraction):
-        if max(value.numerator.bit_length(), value.denominator.bit_length()) <= LONGEST:
-            return str(value)
-        value = float(value)
-    near = small_fraction(value, PLAIN, EXACT * abs(value))
-    return repr(value) if near is None else str(near)
-
-
-# -- to a spec --------------------------------------------------------------------------------------------------------
-
-Entries = dict[tuple[str, str, str], str]
-"""Values as text by state, action and next state."""
-KEYS = ((), ("s",), ("a",), ("s'",), ("s", "a"), ("s", "s'"), ("s", "a", "s'"))
-"""What a table may depend on; the first that suffices is taken."""
-_AT = {"s": 0, "a": 1, "s'": 2}
-
-
-def _lines(task: FrozenTask) -> Iterator[str]:
-    yield from ("taskspec: 1", f"name: {task.name}")
-    for key in ("title", "summary"):
-        if key in task.text:
-            yield f"{key}: {_quoted(task.text[key])}"
-    description = task.text.get("description", "").strip()
-    if description:
-        yield "description: |"
-        yield from (f"  {line}".rstrip() for line in description.splitlines())
-    yield f"capability: {_quoted(task.text.get('capability', 'separation'))}"
-    yield ""
-    yield from ("state:", f"  s: {{type: choice, values: [{', '.join(task.states)}]}}")
-    yield from ("action:", f"  a: {{type: choice, values: [{', '.join(task.actions)}]}}")
-    if task.seen is not None:
-        yield from _observation(task.states, task.seen)
-    yield from _legal(task)
-    yield f"horizon: {'none' if task.horizon is None else task.horizon}"
-    if task.discount != 1:
-        yield f"discount: {written(task.discount)}"
-    yield from ("initial:", f"  s: {_distribution(zip(task.states, task.start, strict=True))}", "dynamics:")
-    yield from _TableText("  s'", task, _next_states(task)).lines()
-    yield from _rewards(task)
-    yield from _ends(task)
-    yield "expert: optimal"
-    if task.claims:
-        yield "claims:"
-        for name, value in task.claims.items():
-            near = small_fraction(value, SIMPLE, EXACT * abs(float(value)))
-            yield f"  - {name} == {repr(value) if near is None else near}"
-    yield from _figure(task)
-
-
-def _observation(states: Sequence[str], seen: Sequence[tuple[float, ...]]) -> Iterator[str]:
-    numbers = [value for row in seen for value in row]
-    yield from ("observation:", "  seen:", "    value:", "      by: [s]", "      rows:")
-    for name, row in zip(states, seen, strict=True):
-        values = ", ".join(map(written, row))
-        yield f"        {name}: {values if len(row) == 1 else f'[{values}]'}"
-    yield from (f"    low: {written(min(numbers))}", f"    high: {written(max(numbers))}")
-
-
-def _legal(task: FrozenTask) -> Iterator[str]:
-    found: Entries = {}
-    for s in sorted(task.acting):
-        for a, outcomes in enumerate(task.outcomes[s]):
-            found[task.states[s], task.actions[a], ""] = str(bool(outcomes)).lower()
-    if "false" in found.values():
-        yield from _TableText("legal", task, found).lines()
-
-
-def _figure(task: FrozenTask) -> Iterator[str]:
-    if task.width is not None:
-        if visited(task) is not task:
-            yield 'accept: {W501: "cells of the grid that no episode enters"}'
-        yield f"figure: {{kind: grid, at: [s % {task.width}, s // {task.width}]}}"
-        return
-    if len(task.states) <= MOST_DRAWN:
-        yield from ("figure:", "  kind: graph" if len(task.states) <= 12 else "  kind: matrix")
-
-
-def _next_states(task: FrozenTask) -> Entries:
-    """Return next states; `s` in states that no action leaves."""
-    found: Entries = {}
-    for s, by_action in enumerate(task.outcomes):
-        stays = all(outcome.state == s for outcomes in by_action for outcome in outcomes)
-        for a, outcomes in enumerate(by_action):
-            if not outcomes:
-                continue
-            pairs = [(task.states[outcome.state], outcome.probability) for outcome in outcomes]
-            found[task.states[s], task.actions[a], ""] = "s" if stays else _distribution(pairs)
-    return found
-
-
-def _rewards(task: FrozenTask) -> Iterator[str]:
-    """Yield the table of rewards; of expected rewards where that of all next states would be too large."""
-    found: Entries = {}
-    for s, a, outcome in _taken(task):
-        found[task.states[s], task.actions[a], task.states[outcome.state]] = written(outcome.reward)
-    table = _TableText("reward", task, found)
-    if table.cells > limits().cells:
-        found = {}
-        for s in task.acting:
-            for a, outcomes in enumerate(task.outcomes[s]):
-                if not outcomes:
-                    continue
-                mean = sum(outcome.probability * outcome.reward for outcome in outcomes)
-                found[task.states[s], task.actions[a], ""] = written(mean)
-        table = _TableText("reward", task, found)
-    yield from table.lines()
-
-
-def _ends(task: FrozenTask) -> Iterator[str]:
-    if task.last is not None:
-        yield f"terminal: t == {task.last}"
-        return
-    found: Entries = {}
-    for s, a, outcome in _taken(task):
-        found[task.states[s], task.actions[a], task.states[outcome.state]] = str(outcome.ends).lower()
-    if "true" not in found.values():
-        return
-    table = _TableText("terminal", task, found)
-    ends = [name for name in task.states if table.rows.get((name,)) == "true"]
-    if table.keys == ("s'",) and len(ends) <= MOST_ENDS:
-        yield f"terminal: s' == {ends[0]}" if len(ends) == 1 else f"terminal: s' in {{{', '.join(ends)}}}"
-        return
-    yield from table.lines()
-
-
-def _taken(task: FrozenTask) -> Iterator[tuple[int, int, Outcome]]:
-    """Yield the outcomes of the states in which episodes act: what others pay does not matter."""
-    return ((s, a, outcome) for s, a, outcome in task.steps() if s in task.acting)
-
-
-class _TableText:
-    """A decision table with as few keys as tell its values apart."""
-
-    def __init__(self, name: str, task: FrozenTask, entries: Entries) -> None:
-        self.name = name
-        self.counts = {"s": len(task.states), "a": len(task.actions), "s'": len(task.states)}
-        self.keys, self.rows = next(filter(None, (self._by(entries, keys) for keys in KEYS)))
-
-    @staticmethod
-    def _by(entries: Entries, keys: tuple[str, ...]) -> tuple[tuple[str, ...], dict[tuple[str, ...], str]] | None:
-        """Return entries by some of their keys; None where these do not tell them apart."""
-        found: dict[tuple[str, ...], str] = {}
-        for entry, value in entries.items():
-            key = tuple(entry[_AT[name]] for name in keys)
-            if found.setdefault(key, value) != value:
-                return None
-        return keys, found
-
-    @property
-    def cells(self) -> int:
-        """The number of cells, written or not."""
-        total = 1
-        for key in self.keys:
-            total *= self.counts[key]
-        return total
-
-    def lines(self) -> Iterator[str]:
-        """Yield the lines of the table in YAML."""
-        if not self.keys:
-            yield f"{self.name}: {self.rows[()]}"
-            return
-        indent = " " * (len(self.name) - len(self.name.lstrip()) + 2)
-        yield from (f"{self.name}:", f"{indent}by: [{', '.join(self.keys)}]", f"{indent}rows:")
-        below: dict[str, dict[tuple[str, ...], str]] = {}
-        for key, value in self.rows.items():
-            below.setdefault(key[0], {})[key[1:]] = value
-        texts = {first: self._row(rest, self.keys[1:]) for first, rest in below.items()}
-        common = _common(texts.values())
-        is_shared = list(texts.values()).count(common) > 1 or len(texts) < self.counts[self.keys[0]]
-        for first, text in texts.items():
-            if text != common or not is_shared:
-                yield f"{indent}  {first}: {text}"
-        if is_shared:
-            yield f"{indent}  else: {common}"
-
-    def _row(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> str:
-        """Return one row: a value where all are equal, or values by the next key.
-
-        A distribution that all share stands under `else`: alone it would be read as values by the next key.
-        """
-        first = next(iter(rows.values()))
-        if len(set(rows.values())) == 1:
-            return f"{{else: {first}}}" if keys and first.startswith("{") else first
-        below: dict[str, dict[tuple[str, ...], str]] = {}
-        for key, value in rows.items():
-            below.setdefault(key[0], {})[key[1:]] = value
-        texts = {first: self._row(rest, keys[1:]) for first, rest in below.items()}
-        common = _common(texts.values())
-        is_whole = len(texts) == self.counts[keys[0]]
-        if is_whole and list(texts.values()).count(common) == 1:
-            return f"{{{', '.join(f'{first}: {text}' for first, text in texts.items())}}}"
-        cells = [f"{first}: {text}" for first, text in texts.items() if text != common]
-        return f"{{{', '.join([*cells, f'else: {common}'])}}}"
-
-
-def _common(values: Iterable[str]) -> str:
-    return Counter(values).most_common(1)[0][0]
-
-
-def _distribution(pairs: Iterable[tuple[str, Number]]) -> str:
-    """Return a draw of states; one that occurs twice, with and without an end, has the sum of both."""
-    likely: dict[str, Number] = {}
-    for name, probability in pairs:
-        if probability > 0:
-            likely[name] = likely.get(name, 0) + probability
-    if len(likely) == 1:
-        return next(iter(likely))
-    return f"{{{', '.join(f'{name}: {written(probability)}' for name, probability in likely.items())}}}"
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+    Other letters become `_`, a name that means something else gets a `_`, and one that occurs before its number. A name that
+    has no letters at its beginning becomes the given letter and its number.
+    """
+    known: set[str] = set()
+    plain = []
+    for i, given in enumerate(names):
+        name = re.sub(r"\W", "_", given, flags=re.ASCII)[:LONGEST_NAME]
+        if not _NAME.fullmatch(name):
+            name = f"{letter}{i}"
+        if name in _TAKEN:
+            name = f"{name}_"
+        if name in known:
+            name = f"{name}_{i}"
+        while name in known:
+            name = f"{name}_"
+        known.add(name)
+        plain.append(name)
+    return tuple(plain)

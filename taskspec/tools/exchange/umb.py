@@ -12,6 +12,7 @@ import json
 import re
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -20,7 +21,8 @@ import numpy as np
 
 from taskspec.base import __version__
 from taskspec.exact.solve.outcomes import Number, Outcome
-from taskspec.tools.exchange.reading import MOST_BYTES, MOST_OUTCOMES, ForeignFile, assembled
+from taskspec.tools.exchange.assembling import MOST_OUTCOMES, Contents, assembled
+from taskspec.tools.exchange.reading import ForeignFile, listed
 from taskspec.tools.exchange.settled import legal_choices
 from taskspec.tools.exchange.tables import FrozenTask
 
@@ -31,12 +33,15 @@ TARGETS = "branch-to-target.bin"
 PROBABILITIES = "branch-to-probability.bin"
 INITIAL = "state-is-initial.bin"
 ACTIONS = "actions/choices/"
+OBSERVATIONS = "observations/states/values.bin"
 VALUATIONS = "valuations/states/valuations.bin"
 BITS = 32
 """Of the value of a component."""
 _IDENTIFIER = re.compile(r"[0-9a-z_-]+")
 _RATIONAL = 128
 """The least number of bits of a rational; longer ones have a multiple of it."""
+_MOST_RATIONAL = 16_384
+"""Bits of a rational that is read."""
 
 
 def write(task: FrozenTask) -> bytes:
@@ -59,6 +64,11 @@ def write(task: FrozenTask) -> bytes:
         "annotations/rewards/reward/branches/values.bin": rewards,
         VALUATIONS: np.array([list(row.values()) for row in task.values], "<i4").tobytes(),
     }
+    observed: dict[str, Any] = {"#observations": 0}
+    if task.seen is not None:
+        classes = {row: i for i, row in enumerate(dict.fromkeys(task.seen))}
+        files[OBSERVATIONS] = np.array([classes[row] for row in task.seen], "<u8").tobytes()
+        observed = {"#observations": len(classes), "observations-apply-to": "states"}
     propositions = {}
     for i, (name, held) in enumerate(task.labels.items()):
         identifier = name if _IDENTIFIER.fullmatch(name) else f"label-{i}"
@@ -71,7 +81,7 @@ def write(task: FrozenTask) -> bytes:
         "file-data": {"tool": "taskspec", "tool-version": __version__, "parameters": {"horizon": task.horizon}},
         "transition-system": {
             "time": "discrete", "#players": 1, "#states": len(task.states), "#initial-states": 1, "#choices": len(choices),
-            "#choice-actions": len(task.actions), "#branches": len(branches), "#branch-actions": 0, "#observations": 0,
+            "#choice-actions": len(task.actions), "#branches": len(branches), "#branch-actions": 0, **observed,
             "branch-probability-type": share_type,
         },
         "annotations": {
@@ -121,40 +131,80 @@ def read(source: ForeignFile) -> FrozenTask:
 
 
 class _Archive:
-    """The files of an archive; what contradicts the specification raises some exception."""
+    """The files of an archive, taken out one by one; what contradicts the specification raises some exception."""
 
     def __init__(self, source: ForeignFile) -> None:
         self.source = source
-        self.files: dict[str, bytes] = {}
-        total = 0
-        with tarfile.open(fileobj=io.BytesIO(source.content)) as tar:
-            for member in tar:
-                total += member.size
-                if total > MOST_BYTES:
-                    source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
-                content = tar.extractfile(member) if member.isfile() else None
-                if content is not None:
-                    self.files[member.name.removeprefix("./").removeprefix("/")] = content.read()
-        self.index: dict[str, Any] = json.loads(self.files[INDEX])
+        self.files = source.members()
+        self.index: dict[str, Any] = json.loads(self.files.pop(INDEX))
+        self.annotations = self.index.get("annotations", {})
         self.system = self.index["transition-system"]
+        self.remarks: list[str] = []
         if self.system["time"] != "discrete" or self.system["#players"] > 1:
             source.wrong("only Markov chains and Markov decision processes in discrete time are read")
+        self.n_actions = int(self.system["#choice-actions"])
         self.sizes = {entity: int(self.system[f"#{entity}"]) for entity in ("states", "choices", "branches")}
-        if max(self.sizes.values()) > MOST_OUTCOMES:
-            source.wrong(f"it has more than {MOST_OUTCOMES:,} states, choices or branches")
+        if not all(0 <= size <= MOST_OUTCOMES for size in (self.n_actions, *self.sizes.values())):
+            source.wrong(f"it has more than {MOST_OUTCOMES:,} states, choices, branches or actions, or less than none")
+
+    def task(self) -> FrozenTask:
+        """Return the settled task; what is left of the files is lost."""
+        labels = self._labels()
+        paid = self._rewards(labels)
+        targets = self._array(TARGETS, "<u8", self.sizes["branches"])
+        share_type = self.system.get("branch-probability-type", {})
+        shares = self._numbers(PROBABILITIES, share_type, "branches", 1)
+        branches = self._ranges(BRANCHES, self.sizes["choices"], self.sizes["branches"])
+        names = self._actions()
+        rows = []
+        for s, choices in enumerate(self._ranges(STATES, self.sizes["states"], self.sizes["choices"])):
+            row: dict[str, list[Outcome]] = {}
+            for choice in range(choices.start, choices.stop):
+                before = paid["states"][s] + paid["choices"][choice]
+                outcomes = []
+                for b in range(branches[choice].start, branches[choice].stop):
+                    outcomes.append(Outcome(shares[b], targets[b], before + paid["branches"][b], False))
+                row[self._fresh(names[choice], row)] = outcomes
+            rows.append(row)
+        horizon = None
+        if self.index.get("file-data", {}).get("tool") == "taskspec":
+            horizon = self.index["file-data"]["parameters"]["horizon"]
+        contents = Contents(
+            start=self._start(), rows=rows, horizon=horizon, seen=self._observations(), labels=labels, values=self._values(),
+            remarks=self.remarks,
+        )  # fmt: skip
+        lost = {name.rpartition("/")[0] or name for name in self.files}
+        return assembled(self.source, replace(contents, lost=tuple(lost)))
+
+    def _fresh(self, name: str, row: Mapping[str, Any]) -> str:
+        """Return the name of an action, with a number if the state has such an action."""
+        if name not in row:
+            return name
+        remark = "actions with the same name in one state: numbered"
+        if remark not in self.remarks:
+            self.remarks.append(remark)
+        return f"{name}_{len(row)}"
 
     def _array(self, name: str, kind: str, size: int) -> list[Any]:
         """Return the numbers of a file, as many as there should be."""
-        found = np.frombuffer(self.files[name], kind)
-        if len(found) != size:
-            self.source.wrong(f"`{name}` has {len(found):,} numbers, not {size:,}")
-        return list(found.tolist())
+        numbers = np.frombuffer(self.files.pop(name), kind)
+        if len(numbers) != size:
+            self.source.wrong(f"`{name}` has {len(numbers):,} numbers, not {size:,}")
+        return list(numbers.tolist())
 
-    def _ranges(self, name: str, size: int) -> list[slice]:
-        """Return the range of each entity; one after the other where the file is absent."""
-        bounds = self._array(name, "<u8", size + 1) if name in self.files else [*range(size + 1)]
-        if bounds != sorted(bounds):
-            self.source.wrong(f"`{name}` has ranges that overlap")
+    def _ranges(self, name: str, size: int, whole: int) -> list[slice]:
+        """Return the range of each entity; one after the other where the file is absent.
+
+        Args:
+            name: of the file.
+            size: the number of ranges.
+            whole: where the last one ends.
+        """
+        bounds = [*range(size + 1)]
+        if name in self.files:
+            bounds = self._array(name, "<u8", size + 1)
+        if bounds != sorted(bounds) or (bounds[0], bounds[-1]) != (0, whole):
+            self.source.wrong(f"`{name}` has ranges that overlap, or do not cover {whole:,} entries")
         return [slice(a, b) for a, b in pairwise(bounds)]
 
     def _numbers(self, name: str, kind: Mapping[str, Any], entity: str, usual: int = 0) -> list[Number]:
@@ -164,61 +214,80 @@ class _Archive:
             return [Fraction(usual)] * size
         if kind["type"] == "double":
             return self._array(name, "<f8", size)
-        half = int(kind.get("size", _RATIONAL)) // 16
-        if kind["type"] != "rational" or len(self.files[name]) != 2 * half * size:
-            self.source.wrong(f"`{name}` does not have {size:,} doubles or rationals")
-        found: list[Number] = []
-        for at in range(0, 2 * half * size, 2 * half):
-            above = int.from_bytes(self.files[name][at : at + half], "little", signed=True)
-            found.append(Fraction(above, int.from_bytes(self.files[name][at + half : at + 2 * half], "little")))
-        return found
+        if kind["type"] != "rational":
+            self.source.wrong(f"`{name}` has numbers of the type {kind['type']}; doubles and rationals are read")
+        bits = int(kind.get("size", _RATIONAL))
+        content = self.files.pop(name)
+        if bits % _RATIONAL or not 0 < bits <= _MOST_RATIONAL or len(content) * 8 != bits * size:
+            self.source.wrong(f"`{name}` does not have {size:,} rationals of at most {_MOST_RATIONAL:,} bits")
+        half = bits // 16
+        numbers: list[Number] = []
+        for at in range(0, len(content), 2 * half):
+            above = int.from_bytes(content[at : at + half], "little", signed=True)
+            numbers.append(Fraction(above, int.from_bytes(content[at + half : at + 2 * half], "little")))
+        return numbers
 
     def _flags(self, name: str) -> frozenset[int]:
-        """Return the states that are marked."""
-        marks = np.unpackbits(np.frombuffer(self.files.get(name, b""), np.uint8), bitorder="little")
-        return frozenset(np.flatnonzero(marks[: self.sizes["states"]]).tolist())
+        """Return the states that are marked; none where the file is absent."""
+        if name not in self.files:
+            return frozenset()
+        size = self.sizes["states"]
+        words = np.array(self._array(name, "<u8", -(-size // 64)), "<u8")
+        marks = np.unpackbits(words.view(np.uint8), bitorder="little")
+        return frozenset(np.flatnonzero(marks[:size]).tolist())
+
+    def _start(self) -> dict[int, Fraction]:
+        """Return the distribution of first states, which is uniform if there are several."""
+        first = self._flags(INITIAL)
+        declared = self.system["#initial-states"]
+        if not first or declared != len(first):
+            self.source.wrong(f"{len(first)} states are marked as initial, {declared} are declared")
+        if len(first) > 1:
+            self.remarks.append(f"first states: {len(first):,}, of which one is drawn, all equally likely")
+        return {s: Fraction(1, len(first)) for s in first}
+
+    def _labels(self) -> dict[str, frozenset[int]]:
+        labels = {}
+        for identifier, entry in self.annotations.get("aps", {}).items():
+            labels[str(entry.get("alias", identifier))] = self._flags(f"annotations/aps/{identifier}/states/values.bin")
+        return labels
+
+    def _rewards(self, labels: Mapping[str, Any]) -> dict[str, list[Number]]:
+        """Return the rewards of states, choices and branches, of the first reward."""
+        rewards = self.annotations.get("rewards", {})
+        if not rewards:
+            hint = f"add a reward where the file is made; its labels: {listed(list(labels)) or 'none'}"
+            self.source.wrong("it has no rewards, so that all policies are equally good", hint)
+        name, entry = next(iter(rewards.items()))
+        folder = f"annotations/rewards/{name}"
+        return {each: self._numbers(f"{folder}/{each}/values.bin", entry["type"], each) for each in self.sizes}
+
+    def _observations(self) -> tuple[tuple[float, ...], ...] | None:
+        """Return the number of the observation of each state; None where there are no observations."""
+        count = self.system.get("#observations", 0)
+        seen = None
+        if count and self.system["observations-apply-to"] == "states":
+            classes = [0] * self.sizes["states"]
+            if OBSERVATIONS in self.files:
+                classes = self._array(OBSERVATIONS, "<u8", self.sizes["states"])
+            if max(classes) >= count:
+                self.source.wrong(f"a state has the observation {max(classes)}, of {count}")
+            seen = tuple((float(i),) for i in classes)
+        if (count and seen is None) or any(name.startswith("observations/") for name in self.files):
+            self.source.wrong("its observations depend on branches or on chance; only observations of states are read")
+        return seen
 
     def _actions(self) -> list[str]:
         """Return the name of the action of each choice."""
-        count = self.system["#choice-actions"]
         used = [0] * self.sizes["choices"]
         if f"{ACTIONS}values.bin" in self.files:
             used = self._array(f"{ACTIONS}values.bin", "<u4", self.sizes["choices"])
-        text = self.files.get(f"{ACTIONS}strings.bin")
+        text = self.files.pop(f"{ACTIONS}strings.bin", None)
         if text is None:
             return [f"a{i}" for i in used]
-        names = [text[part].decode("utf-8", "replace") for part in self._ranges(f"{ACTIONS}string-mapping.bin", count)]
+        parts = self._ranges(f"{ACTIONS}string-mapping.bin", self.n_actions, len(text))
+        names = [text[part].decode("utf-8", "replace") for part in parts]
         return [names[i] for i in used]
-
-    def task(self) -> FrozenTask:
-        annotations = self.index.get("annotations", {})
-        name, kind = next(iter(annotations.get("rewards", {}).items()), ("", {"type": {}}))
-        folder = f"annotations/rewards/{name}"
-        paid = {each: self._numbers(f"{folder}/{each}/values.bin", kind["type"], each) for each in self.sizes}
-        targets = self._array(TARGETS, "<u8", self.sizes["branches"])
-        share_type = self.system.get("branch-probability-type", {})
-        shares = self._numbers(PROBABILITIES, share_type, "branches", 1)
-        branches = self._ranges(BRANCHES, self.sizes["choices"])
-        names = self._actions()
-        rows = []
-        for s, choices in enumerate(self._ranges(STATES, self.sizes["states"])):
-            row: dict[str, list[Outcome]] = {}
-            for choice in range(self.sizes["choices"])[choices]:
-                before = paid["states"][s] + paid["choices"][choice]
-                outcomes = []
-                for b in range(self.sizes["branches"])[branches[choice]]:
-                    outcomes.append(Outcome(shares[b], targets[b], before + paid["branches"][b], False))
-                row[names[choice] if names[choice] not in row else f"a{len(row)}"] = outcomes
-            rows.append(row)
-        first = self._flags(INITIAL) or {0}
-        labels = {}
-        for identifier, entry in annotations.get("aps", {}).items():
-            labels[str(entry.get("alias", identifier))] = self._flags(f"annotations/aps/{identifier}/states/values.bin")
-        horizon = (self.index.get("file-data", {}).get("parameters") or {}).get("horizon")
-        return assembled(
-            self.source, {s: Fraction(1, len(first)) for s in first}, rows, labels=labels, values=self._values(),
-            horizon=horizon,
-        )  # fmt: skip
 
     def _values(self) -> tuple[dict[str, int], ...]:
         """Return the values of the variables of states, where all of them are ints or truth values in one class."""
@@ -229,12 +298,13 @@ class _Archive:
             kind = variable.get("type", {"type": "padding", "size": variable.get("padding")})
             if kind["type"] not in ("int", "uint", "bool", "padding") or variable.get("is-optional"):
                 return ()
-            layout.append((variable.get("name"), at, int(kind["size"]), kind["type"], variable.get("offset", 0)))
-            at += int(kind["size"])
-        content = self.files.get(VALUATIONS, b"")
-        if not layout or at % 8 or len(content) * 8 != at * self.sizes["states"]:
+            size = int(kind.get("size", 1 if kind["type"] == "bool" else 64))
+            layout.append((variable.get("name"), at, size, kind["type"], variable.get("offset", 0)))
+            at += size
+        if not layout or at % 8 or len(self.files.get(VALUATIONS, b"")) * 8 != at * self.sizes["states"]:
             return ()
-        found = []
+        content = self.files.pop(VALUATIONS)
+        rows = []
         for start in range(0, len(content), at // 8):
             packed = int.from_bytes(content[start : start + at // 8], "little")
             row = {}
@@ -244,5 +314,5 @@ class _Archive:
                     value -= 1 << size
                 if name is not None:
                     row[str(name)] = value + offset
-            found.append(row)
-        return tuple(found)
+            rows.append(row)
+        return tuple(rows)

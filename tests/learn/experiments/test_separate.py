@@ -15,6 +15,7 @@ from taskspec.learn.experiments.races import contestant
 from taskspec.learn.experiments.separate import Search
 from taskspec.learn.experiments.shrink import shrink, size
 from taskspec.tools.exchange.freeze import freeze
+from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.exchange.tables import FrozenTask
 from tests.shared.commands import Done
 
@@ -74,7 +75,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_frozen_task_has_the_same_returns_and_proved_claims(name: str, tmp_path: Path) -> None:
     task = load(name)
     path = tmp_path / "frozen.yaml"
-    path.write_text(freeze(task).spec())
+    path.write_text(spec_text(freeze(task)))
     known = Results(task, 1)
     found = Results(load(str(path)), 1)
     for which in ("optimal", "random", "worst"):
@@ -101,7 +102,7 @@ def test_shrinking_keeps_what_holds_and_ends_where_nothing_smaller_does() -> Non
     task = freeze(load("families/Table?S=4&A=3&N=6&c=0.5&instance_seed=8"))
 
     def gap(each: FrozenTask) -> float:
-        results = Results(each.task(), 1)
+        results = Results(task_of_tables(each), 1)
         assert results.optimal is not None
         assert results.random is not None
         return results.optimal.value - results.random.value

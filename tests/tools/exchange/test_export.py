@@ -6,7 +6,6 @@ import io
 import itertools
 import json
 import struct
-import tarfile
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from taskspec import load, make
 from taskspec.tools.exchange import formats
 from taskspec.tools.exchange.settled import settled
 from tests.shared.commands import Done, spec
+from tests.tools.exchange.umb_files import rationals, unpacked
 
 CORRIDOR = """\
 taskspec: 1
@@ -37,18 +37,6 @@ claims:
   - probability(s == 2) <= 1
 figure: {kind: grid, at: [s, 0], highlight: {good: s == 2}}
 """
-
-
-def unpacked(content: bytes) -> dict[str, bytes]:
-    """The files of a UMB file, by the tar module alone."""
-    with tarfile.open(fileobj=io.BytesIO(content)) as tar:
-        return {name: tar.extractfile(name).read() for name in tar.getnames()}  # type: ignore[union-attr]
-
-
-def rationals(content: bytes) -> list[Fraction]:
-    """Numerators and denominators of 64 bits, side by side."""
-    halves = struct.unpack("<" + "qQ" * (len(content) // 16), content)
-    return [Fraction(*pair) for pair in zip(halves[::2], halves[1::2], strict=True)]
 
 
 def test_numbers_are_those_that_the_spec_writes(tmp_path: Path) -> None:
@@ -88,7 +76,6 @@ def test_what_a_format_cannot_carry_is_said_by_name(tmp_path: Path) -> None:
     ):
         assert part in err
     assert 'R{"reward"}max=? [F "end"]' in err
-    assert "labels (good, claim_1)" in Done("export", path, "-f", "gym-p").err
     refused = Done("export", "derail/Parabola", "-f", "gym-p")
     assert refused.status == 1
     assert "E712" in refused.err
@@ -112,7 +99,22 @@ def test_umb_holds_the_arrays_of_its_specification() -> None:
     assert paid == [0, 1, -100, 1, 0, 1, 1, -100, -100]
     assert files["actions/choices/strings.bin"] == b"saferisky"
     assert files["state-is-initial.bin"] == (1).to_bytes(8, "little")
+    assert system["#observations"] == 0
     assert index["annotations"]["aps"]["good"]["applies-to"] == ["states"]
+
+
+def test_observations_of_states_are_in_every_file() -> None:
+    """Tiger shows what is heard, one of three; before the first state nothing is observed, which is the first class."""
+    _, found = formats.exported(load("pomdp/Tiger"))
+    files = unpacked(formats.written(found, formats.FORMATS["umb"]))
+    system = json.loads(files["index.json"])["transition-system"]
+    assert (system["#observations"], system["observations-apply-to"]) == (4, "states")
+    heard = [row["heard"] for row in found.values]
+    assert struct.unpack("<13Q", files["observations/states/values.bin"]) == (0, *(1 + h for h in heard * 2))
+    seen = [[float(h == i) for i in range(3)] for h in heard]
+    assert json.loads(formats.written(found, formats.FORMATS["gym-p"]))["observations"] == seen
+    with np.load(io.BytesIO(formats.written(found, formats.FORMATS["npz"]))) as arrays:
+        assert arrays["observations"].tolist() == seen
 
 
 def test_umbi_reads_umb(tmp_path: Path) -> None:

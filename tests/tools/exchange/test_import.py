@@ -1,25 +1,27 @@
-"""Specs of what other tools have: the same returns as the source, names that can be read, and files that are wrong."""
+"""Specs of what other tools have: the same returns as the source, names that can be read, and what is lost said by name."""
 
 from __future__ import annotations
 
-import gzip
-import io
 import json
-import pickle
 import struct
-import tarfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from taskspec import load
 from taskspec.exact import Results
+from taskspec.exact.scores.partial_observability import best_observing
 from taskspec.language.task.legal import with_all_actions
 from taskspec.tools.exchange import formats
 from taskspec.tools.exchange.importing import imported
-from tests.shared.commands import Done
+from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
+from taskspec.tools.exchange.tables import FrozenTask
+from tests.shared.commands import Done, spec
+from tests.tools.exchange.umb_files import REWARD, model
 
 TASKS = (
     "derail/RiskyPath", "derail/Branching", "derail/EarlyTermNeg", "derail/NoisyObs", "derail/Sort", "probes/EndInPlace",
@@ -39,7 +41,7 @@ def test_what_was_exported_has_the_same_returns_when_it_is_imported(name: str, f
     path = tmp_path / f"file{chosen.suffix}"
     path.write_bytes(formats.written(formats.exported(task, chosen)[1], chosen))
     spec = tmp_path / "spec.yaml"
-    spec.write_text(imported(str(path)).spec())
+    spec.write_text(spec_text(imported(str(path))))
     known = Results(task, 1)
     found = Results(load(str(spec)), 1)
     for which in ("optimal", "random", "worst"):
@@ -82,84 +84,119 @@ def test_components_that_a_source_names_are_the_names_of_states(tmp_path: Path) 
     assert "{x0_y0: 1/4, x0_y4: 1/4, x4_y0: 1/4, x4_y4: 1/4}" in text
 
 
-def test_formats_that_storm_converts(tmp_path: Path) -> None:
-    for name, option in (("maze.drn", "--explicit-drn"), ("maze.prism", "--prism"), ("maze.jani", "--jani")):
-        done = Done("import", tmp_path / name)
-        assert done.status == 1
-        assert "E726" in done.err
-        assert f"storm {option}" in " ".join(done.err.split())
+def test_a_model_of_another_tool(tmp_path: Path) -> None:
+    """Rewards of states and choices add up, absorbing states are ends, actions may be missing, and what is lost is said."""
+    evil = "__import__('os').system('x')"
+    rows = [
+        [("go", 0.5, {1: 0.75, 2: 0.25}), (evil, 0.0, {2: 1.0})],
+        [("go", 0.0, {2: 1.0})],
+        [("go", 0.0, {2: 1.0})],
+        [("wait", 7.0, {3: 1.0})],
+    ]
+    path = tmp_path / "other.umb"
+    labels = {"aps": {"goal": {"alias": "the goal"}}}
+    path.write_bytes(model(rows, annotations=REWARD | labels, files={
+        "annotations/rewards/paid/states/values.bin": struct.pack("<4d", 1, 2, 0, 0),
+        "annotations/rewards/cost/choices/values.bin": struct.pack("<5d", 1, 2, 3, 4, 5),
+        "annotations/aps/goal/states/values.bin": struct.pack("<Q", 0b0100),
+        "valuations/choices/valuations.bin": b"12345",
+    }))  # fmt: skip
+    out = tmp_path / "spec.yaml"
+    said = " ".join(Done("import", path, "--horizon", "10", "-o", out).err.split())
+    for part in (
+        "lost: annotations/rewards/cost/choices, valuations/choices",
+        "lost: actions without an alternative ('wait')",
+        "lost: labels (the goal)",
+        "lost: 1 states that no episode enters",
+        """renamed: "__import__('os').sys" -> a1""",
+    ):
+        assert part in said
+    text = out.read_text()
+    assert "terminal: s' == s2" in text
+    assert Results(load(str(out)), 1).optimal.value == pytest.approx(1 + 0.5 + 0.75 * 2)  # type: ignore[union-attr]
 
 
-def packed(index: Any, **files: bytes) -> bytes:
-    result = io.BytesIO()
-    with tarfile.open(fileobj=result, mode="w:gz") as tar:
-        for name, content in {"index.json": json.dumps(index).encode(), **files}.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(content)
-            tar.addfile(member, io.BytesIO(content))
-    return result.getvalue()
+@pytest.mark.parametrize("seed", range(10))
+def test_random_pomdps_keep_their_observations(seed: int, tmp_path: Path) -> None:
+    """States look alike in the imported spec where they do in the file, whoever wrote it, and nothing is said to be lost."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 7))
+    classes = rng.integers(0, 3, n).tolist()
+    rows = []
+    for _ in range(n):
+        shares = [dict(enumerate(share)) for share in rng.dirichlet(np.ones(n), 2).tolist()]
+        rows.append([("x", float(rng.integers(3)), shares[0]), ("y", float(rng.integers(3)), shares[1])])
+    path = tmp_path / "other.umb"
+    path.write_bytes(model(rows, classes))
+    first = imported(str(path), horizon=5)
+    assert first.remarks == ()
+    assert observed(first) == alike(classes)
+    for name, chosen in formats.FORMATS.items():
+        tables = replace(first, seen=tuple((c / 7, -1.0) for c in classes))
+        path = tmp_path / f"{name}{chosen.suffix}"
+        path.write_bytes(formats.written(tables, chosen))
+        again = imported(str(path))
+        assert observed(again) == alike(classes)
+        assert again.claims["optimal_return"] == pytest.approx(first.claims["optimal_return"])
 
 
-SYSTEM = {
-    "time": "discrete", "#players": 1, "#states": 1, "#choices": 1, "#branches": 1, "#choice-actions": 0,
-}  # fmt: skip
+def observed(task: FrozenTask) -> set[frozenset[int]]:
+    """Sets of states that look alike in the text of the spec."""
+    rows = yaml.safe_load(spec_text(task))["observation"]["seen"]["value"]["rows"]
+    return alike([str(rows[name]) for name in task.states])
 
 
-def test_a_wrong_umb_file_is_refused(tmp_path: Path) -> None:
-    large = tarfile.TarInfo("index.json")
-    large.size = 10**12
-    cases = {
-        "not in the format": b"not a tar file",
-        "more than 50,000,000 bytes": gzip.compress(large.tobuf()),
-        "transition-system": packed({}),
-        "discrete time": packed({"transition-system": SYSTEM | {"time": "stochastic"}}),
-        "#players": packed({"transition-system": {"time": "discrete"}}),
-        "more than 500,000 states": packed({"transition-system": SYSTEM | {"#choices": 2**60}}),
-        "branch-to-target.bin": packed({"transition-system": SYSTEM}),
-        "has 2 numbers, not 1": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"0" * 16}),
-        "ranges that overlap": packed(
-            {"transition-system": SYSTEM | {"#states": 2}},
-            **{"branch-to-target.bin": b"\0" * 8, "state-to-choices.bin": struct.pack("<3Q", 0, 1, 0)},
-        ),
-        "leads to state": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"\xff" * 8}),
-    }
-    for message, content in cases.items():
-        path = tmp_path / "wrong.umb"
-        path.write_bytes(content)
-        done = Done("import", path)
-        assert done.status == 1, message
-        assert "E728" in done.err
-        assert message in done.err
+def alike(classes: Sequence[object]) -> set[frozenset[int]]:
+    """Sets of states of the same class."""
+    return {frozenset(s for s, other in enumerate(classes) if other == each) for each in classes}
 
 
-class Harmful:
-    """What a pickle would execute."""
+@pytest.mark.parametrize("format", formats.FORMATS)
+def test_an_imported_task_hides_what_the_task_hides(format: str, tmp_path: Path) -> None:
+    """The best return of a policy of the last observation alone, which is not that of one that sees the state."""
+    chosen = formats.FORMATS[format]
+    task = load(str(spec(tmp_path, HIDDEN)))
+    path = tmp_path / f"x{chosen.suffix}"
+    path.write_bytes(formats.written(formats.exported(task, chosen)[1], chosen))
+    again = Results(task_of_tables(imported(str(path))), 1)
+    assert again.optimal.value == pytest.approx(1)  # type: ignore[union-attr]
+    for best in (best_observing(again, "memoryless"), best_observing(Results(task, 1), "memoryless")):
+        assert best.low == pytest.approx(0) == best.high
 
-    def __reduce__(self) -> Any:
-        return (Path.write_text, (Path("executed"), "x"))
+
+HIDDEN = """\
+taskspec: 1
+name: Hidden
+state: {s: {type: choice, values: [start, left, right, over]}}
+action: {a: {type: choice, values: [to_left, to_right]}}
+observation: {o: "s in {left, right}"}
+horizon: 3
+initial: {s: start}
+dynamics: {s': {by: s, rows: {start: {left: 1/2, right: 1/2}, else: over}}}
+reward: {by: [s, a], rows: {left: {to_left: 1, else: -1}, right: {to_right: 1, else: -1}, else: 0}}
+"""
 
 
-def test_wrong_arrays_and_tables_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    np.savez("pickled.npz", state=np.array([Harmful()], object))
-    Path("plain.npz").write_bytes(pickle.dumps(Harmful()))
-    np.savez("empty.npz", start=np.array([1.0]))
-    Path("deep.json").write_text("[" * 100_000)
-    Path("list.json").write_text("[1, 2]")
-    Path("nan.json").write_text('{"P": {"0": {"0": [[NaN, 0, 0, false]]}}}')
-    Path("paid.json").write_text('{"P": {"0": {"0": [[1, 0, Infinity, false]]}}}')
-    Path("lost.json").write_text('{"P": {"0": {"0": [[1, 1e400, 0, false]]}}}')
-    Path("gap.json").write_text('{"P": {"5": {"0": [[1, 0, 0, false]]}}}')
-    Path("none.json").write_text('{"P": {}}')
-    for path in sorted([*Path().glob("*.npz"), *Path().glob("*.json")]):
-        done = Done("import", path)
-        assert (done.status, "E728" in done.err) == (1, True), path
-    assert not Path("executed").exists()
-    assert "E726" in Done("import", "x.dot").err
-    assert "E711" in Done("import", "x.umb").err
-    assert "E701" in Done("import", "NoSuchEnvironment").err
-    assert "E728" in Done("import", "CartPole-v1").err
-    assert "E713" in Done("import", "FrozenLake-v1", "--name", "../x").err
+def test_a_name_that_means_something_else_is_changed_alone(tmp_path: Path) -> None:
+    """An action `a` is no reason to rename the others."""
+    names = ["a", "left", "go right", "go_right", "7", "lambda", ""]
+    path = tmp_path / "names.umb"
+    path.write_bytes(model([[(name, float(i), {1: 1.0}) for i, name in enumerate(names)], [("a", 0.0, {1: 1.0})]]))
+    task = imported(str(path))
+    assert task.actions == ("a_", "left", "go_right", "go_right_3", "a4", "lambda_", "a6")
+    (remark,) = task.remarks
+    assert (
+        remark == "renamed: 'a' -> a_, 'go right' -> go_right, 'go_right' -> go_right_3, 'lambda' -> lambda_, '' -> a6"
+    )
+    assert Results(task_of_tables(task), 1).optimal.value == 6  # type: ignore[union-attr]
+
+
+def test_rewards_that_are_drawn_become_their_mean(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.json"
+    path.write_text(json.dumps({"P": {0: {0: [[0.25, 0, 4, True], [0.75, 0, 0, True]]}}, "version": 2, "horizon": 3}))
+    task = imported(str(path))
+    assert task.claims["optimal_return"] == 1
+    assert task.remarks == ("lost: version", "rewards that are drawn: their mean, for each next state")
 
 
 def test_ten_thousand_rows_of_which_all_differ(tmp_path: Path) -> None:
@@ -182,4 +219,4 @@ def test_ten_thousand_rows_of_which_all_differ(tmp_path: Path) -> None:
                 Q[s, a] = sum(p * (r + (0 if ends else V[to])) for p, to, r, ends in outcomes)
         V = Q.max(axis=1)
     assert found.claims["optimal_return"] == pytest.approx(V[0])
-    assert len(found.spec().splitlines()) > 2500
+    assert len(spec_text(found).splitlines()) > 2500

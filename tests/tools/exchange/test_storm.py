@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from fractions import Fraction
 from pathlib import Path
 
@@ -9,9 +10,13 @@ import pytest
 
 from taskspec import load
 from taskspec.base.diagnostics import SpecError
+from taskspec.exact import Results
+from taskspec.exact.scores.partial_observability import best_observing
 from taskspec.language.registry import known
 from taskspec.tools.exchange import formats, storm
+from taskspec.tools.exchange.importing import imported
 from taskspec.tools.exchange.settled import settled
+from taskspec.tools.exchange.spec_text import task_of_tables
 from tests.shared.commands import Done, spec
 
 FLOATS = {
@@ -78,6 +83,54 @@ def test_a_task_that_may_never_end_has_no_finite_return(tmp_path: Path) -> None:
     done = Done("export", path, "--verify")
     assert done.status == 1
     assert "E712" in done.err
+
+
+@needs_storm
+def test_what_storm_converts_is_read_with_its_observations(tmp_path: Path) -> None:
+    """A partially observable process in which only the side that is not shown tells what pays."""
+    stormpy = importlib.import_module("stormpy")
+    path = tmp_path / "hidden.drn"
+    path.write_text(HIDDEN)
+    options = stormpy.io.DirectEncodingParserOptions()
+    options.build_choice_labeling = True
+    model = stormpy.build_model_from_drn(str(path), options=options)
+    stormpy.io.export_to_umb(model, str(tmp_path / "hidden.umb"))
+    task = imported(str(tmp_path / "hidden.umb"), horizon=2)
+    assert task.seen == ((0,), (1,), (1,), (2,))
+    results = Results(task_of_tables(task), 1)
+    assert results.optimal.value == 1  # type: ignore[union-attr]
+    assert best_observing(results, "remembering").high == 0
+
+
+HIDDEN = """\
+@type: POMDP
+@parameters
+
+@reward_models
+pay
+@nr_states
+4
+@nr_choices
+6
+@model
+state 0 {0} [0] init
+\taction __NOLABEL__ [0]
+\t\t1 : 0.5
+\t\t2 : 0.5
+state 1 {1} [0]
+\taction left [1]
+\t\t3 : 1
+\taction right [-1]
+\t\t3 : 1
+state 2 {1} [0]
+\taction left [-1]
+\t\t3 : 1
+\taction right [1]
+\t\t3 : 1
+state 3 {2} [0]
+\taction __NOLABEL__ [0]
+\t\t3 : 1
+"""
 
 
 def test_storm_solves_umb_alone() -> None:

@@ -1,0 +1,84 @@
+"""UMB files, written and taken apart as the specification of the format says, without the package."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import itertools
+import json
+import struct
+import tarfile
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+SYSTEM = {
+    "time": "discrete", "#players": 1, "#states": 1, "#initial-states": 1, "#choices": 1, "#branches": 1, "#choice-actions": 0,
+}  # fmt: skip
+REWARD = {"rewards": {"paid": {"applies-to": ["choices"], "type": {"type": "double"}}}}
+
+Choice = tuple[str, float, dict[int, float]]
+"""The name of an action, its reward, and the probabilities of next states."""
+
+
+def packed(files: dict[str, bytes]) -> bytes:
+    """A tar file, compressed."""
+    result = io.BytesIO()
+    with tarfile.open(fileobj=result, mode="w") as tar:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            tar.addfile(member, io.BytesIO(content))
+    return gzip.compress(result.getvalue(), mtime=0)
+
+
+def umb(system: dict[str, Any] | None = None, files: dict[str, bytes] | None = None, **index: Any) -> bytes:
+    """A model of one state that is never left, with other entries of its index, and other files."""
+    whole = {"transition-system": SYSTEM | (system or {}), "annotations": REWARD} | index
+    usual = {"branch-to-target.bin": bytes(8), "state-is-initial.bin": struct.pack("<Q", 1)}
+    return packed({"index.json": json.dumps(whole).encode(), **usual, **(files or {})})
+
+
+def model(
+    states: Sequence[Sequence[Choice]], classes: Sequence[int] = (), files: dict[str, bytes] | None = None, **index: Any
+) -> bytes:
+    """A decision process that starts in state 0; with observations, a partially observable one."""
+    choices = [choice for row in states for choice in row]
+    names = list(dict.fromkeys(name for name, _, _ in choices))
+    branches = [pair for _, _, row in choices for pair in row.items()]
+    system = {
+        "#states": len(states), "#choices": len(choices), "#branches": len(branches), "#choice-actions": len(names),
+        "#observations": 0, "branch-probability-type": {"type": "double"},
+    }  # fmt: skip
+    parts = {
+        "state-to-choices.bin": bounds(map(len, states)),
+        "choice-to-branches.bin": bounds(len(row) for _, _, row in choices),
+        "branch-to-target.bin": struct.pack(f"<{len(branches)}Q", *(to for to, _ in branches)),
+        "branch-to-probability.bin": struct.pack(f"<{len(branches)}d", *(p for _, p in branches)),
+        "annotations/rewards/paid/choices/values.bin": struct.pack(f"<{len(choices)}d", *(r for _, r, _ in choices)),
+        "actions/choices/values.bin": struct.pack(f"<{len(choices)}I", *(names.index(name) for name, _, _ in choices)),
+        "actions/choices/string-mapping.bin": bounds(len(name.encode()) for name in names),
+        "actions/choices/strings.bin": "".join(names).encode(),
+    }
+    if classes:
+        system |= {"#observations": max(classes) + 1, "observations-apply-to": "states"}
+        parts["observations/states/values.bin"] = struct.pack(f"<{len(classes)}Q", *classes)
+    return umb(system, parts | (files or {}), **index)
+
+
+def bounds(sizes: Any) -> bytes:
+    """Where ranges begin, and where the last one ends."""
+    ends = [0, *itertools.accumulate(sizes)]
+    return struct.pack(f"<{len(ends)}Q", *ends)
+
+
+def unpacked(content: bytes) -> dict[str, bytes]:
+    """The files of a UMB file."""
+    with tarfile.open(fileobj=io.BytesIO(content)) as tar:
+        return {name: tar.extractfile(name).read() for name in tar.getnames()}  # type: ignore[union-attr]
+
+
+def rationals(content: bytes) -> list[Fraction]:
+    """Numerators and denominators of 64 bits, side by side."""
+    halves = struct.unpack("<" + "qQ" * (len(content) // 16), content)
+    return [Fraction(*pair) for pair in zip(halves[::2], halves[1::2], strict=True)]
