@@ -23,7 +23,7 @@ FAMILIES = {
     "paper": "the code that the figures of the paper come from",
     "released": "the code as it was published in the end, its mistakes included",
 }
-"""What the same learners are set to."""
+"""Families of settings. `paper` is the settings of `table.py`; the files in `families` say how the others differ from it."""
 _FOLDER = Path(__file__).parent / "families"
 _KEYS = ("learner", "family", "settings")
 
@@ -97,11 +97,12 @@ def _in_family(entry: BuiltIn, family: str) -> Learner:
     if family not in FAMILIES:
         hint = suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}"
         raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
-    document = read_file(_FOLDER / f"{family}.yaml")
     settings = entry.settings
-    for i, rule in enumerate(document.data):
-        if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
-            settings = changed(settings, document, (i, "settings"))
+    if family != "paper":
+        document = read_file(_FOLDER / f"{family}.yaml")
+        for i, rule in enumerate(document.data):
+            if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
+                settings = changed(settings, document, (i, "settings"))
     return Learner(entry.name, family, settings, entry.learns_from, entry.trainer)
 
 

@@ -27,7 +27,7 @@ TABLE: tuple[Operator, ...] = (*elementwise.TABLE, *vectors.TABLE)
 OPERATORS: dict[str, Operator] = entries_by_name(TABLE)
 """Operators whose result type follows from the types of their arguments alone, by name."""
 FUNCTIONS: dict[str, Function] = entries_by_name(
-    (*(o.function for o in TABLE if o.function is not None), *vectors.FUNCTIONS)
+    (*(o.function for o in TABLE if o.function is not None), *elementwise.FUNCTIONS, *vectors.FUNCTIONS)
 )
 """The functions that authors write: each names one operator or composes several."""
 INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *vectors.INFIX)}

@@ -382,3 +382,11 @@ LOGICAL = (
 )  # fmt: skip
 
 TABLE = (*ARITHMETIC, *ELEMENTARY, *ROUNDING, *LOGICAL)
+
+
+FUNCTIONS = (
+    Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
+             ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)),
+             lambda b, args: b.apply("min2", b.apply("max2", args[0], args[1]), args[2])),
+)  # fmt: skip
+"""Functions that compose several operators."""

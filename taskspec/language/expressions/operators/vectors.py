@@ -440,9 +440,6 @@ def _onehot(b: NodeMaker, args: list[Node]) -> Node:
 
 
 FUNCTIONS = (
-    Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
-             ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)),
-             lambda b, args: b.apply("min2", b.apply("max2", args[0], args[1]), args[2])),
     Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product of vectors; product of a matrix with a vector, or a matrix.",
              ((INTS, MIXED), (ROWS, (1, 1)), ((1, 2), ROWS), (ROWS, ROWS)), _product,
              brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True), axes=lambda axes: sum(axes) - 2,
