@@ -20,13 +20,13 @@ from taskspec.exact.oracle.losses import grpo as grpo
 from taskspec.exact.oracle.losses import grpo_loss as grpo_loss
 from taskspec.exact.oracle.losses import ppo_loss as ppo_loss
 from taskspec.exact.oracle.losses import rloo as rloo
+from taskspec.exact.oracle.maximum_entropy import SoftValues as SoftValues
+from taskspec.exact.oracle.maximum_entropy import feature_expectations as feature_expectations
+from taskspec.exact.oracle.maximum_entropy import soft_values as soft_values
 from taskspec.exact.oracle.values import ObservedValues as ObservedValues
 from taskspec.exact.oracle.values import PolicyEvaluation as PolicyEvaluation
-from taskspec.exact.oracle.values import SoftValues as SoftValues
 from taskspec.exact.oracle.values import evaluate as evaluate
-from taskspec.exact.oracle.values import feature_expectations as feature_expectations
 from taskspec.exact.oracle.values import policy_gradient as policy_gradient
-from taskspec.exact.oracle.values import soft_values as soft_values
 
 __all__ = [
     "EnumeratedEpisode",

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.oracle.tables import Seen, model_of, plain, policy_table
 from taskspec.exact.oracle.values import By
 from taskspec.exact.solve.enclosure import Inexact
-from taskspec.exact.solve.outcomes import Number, Outcome, OutcomeLists
+from taskspec.exact.solve.outcomes import Number, OutcomeLists
 from taskspec.language.task.task import TaskLike
 
 COUNTED = 10**15
 """Episodes are counted up to here."""
+LARGEST = 1_000_000
+"""Transitions of a model whose outcomes are listed one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +156,10 @@ def expectation(
     mean: Any = 0
     square: Any = 0
     for probability, group in tree.groups(episodes, same_start):
-        given = group[0] if episodes == 1 else group
-        value = plain(function(given))
+        if episodes == 1:
+            value = plain(function(group[0]))
+        else:
+            value = plain(function(group))
         mean = mean + probability * value
         square = square + probability * value * value
     return Expectation(_tidy(mean), _tidy(square - mean * mean), count)
@@ -166,31 +170,46 @@ def _tidy(value: Any) -> Any:
     found = np.asarray(value)
     if found.dtype == object and any(isinstance(x, float) for x in found.reshape(-1)):
         found = found.astype(np.float64)
-    return found if found.ndim else found.item()
+    if found.ndim:
+        return found
+    return found.item()
+
+
+class _Step(NamedTuple):
+    state: int
+    action: int
+    reward: Number
+    next_state: int
+    ends: bool
 
 
 class _Tree:
     """All episodes of a policy (T, S, A): a branch for each action and outcome."""
 
     def __init__(self, model: Model, pi: Array, exact: bool) -> None:
+        if model.entries > LARGEST:
+            refuse(f"{model.task.id} has more than {LARGEST:,} transitions: its episodes are not enumerated")
         try:
             self.lists = OutcomeLists(model, exact, as_paid=True)
         except Inexact:
             refuse(f"{model.task.id} draws with irrational probabilities", "take `exact=False`")
         self.model = model
         self.pi = pi
-        self.exact = exact
         self.seen = Seen(model)
         self.starts = [s for s, probability in enumerate(self.lists.start) if probability]
 
-    def branches(self, t: int, s: int) -> Iterator[tuple[int, Outcome]]:
-        """Yield the actions that the policy may take in a state, with each of their outcomes."""
-        for a in np.flatnonzero(self._policy(t)[s]).tolist():
-            for outcome in self.lists.at(t).get((s, a), ()):
-                yield a, outcome
+    def branches(self, t: int, s: int) -> Iterator[tuple[Number, _Step]]:
+        """Yield the steps that may follow in a state, with their probabilities."""
+        policy = self._policy(t)[s]
+        for a in np.flatnonzero(policy).tolist():
+            for o in self.lists.at(t).get((s, a), ()):
+                yield policy[a] * o.probability, _Step(s, a, o.reward, o.state, o.ends)
 
     def _policy(self, t: int) -> Array:
         return np.asarray(self.pi[min(t, len(self.pi) - 1)])
+
+    def _is_last(self, t: int, step: _Step) -> bool:
+        return step.ends or t + 1 == self.model.horizon
 
     # -- counting, before anything is enumerated
 
@@ -201,13 +220,16 @@ class _Tree:
         if same_start:
             count = sum(number**size for number in each)
         most = limits().enumerated
-        if count > most:
-            kind = "episodes" if size == 1 else f"groups of {size} episodes"
-            number = count_of(count) if max(each) <= COUNTED else f"more than {count_of(COUNTED)}"
-            message = f"{self.model.task.id} has {number} {kind} under this policy; the limit is {most:,}"
-            hint = how_to_raise("enumerated", count) or "choose a shorter task, or a policy with fewer random actions"
-            raise SpecError([Diagnostic("E729", None, message, hint)])
-        return count
+        if count <= most:
+            return count
+        number = count_of(count)
+        if max(each) > COUNTED:
+            number = f"more than {count_of(COUNTED)}"
+        kind = "episodes"
+        if size > 1:
+            kind = f"groups of {size} episodes"
+        hint = how_to_raise("enumerated", count) or "choose a shorter task, or a policy with fewer random actions"
+        _refuse_count(f"{self.model.task.id} has {number} {kind} under this policy; the limit is {most:,}", hint)
 
     def count_from(self, start: int) -> int:
         """Return the number of episodes from a state, by dynamic programming over the states that are reached."""
@@ -217,14 +239,14 @@ class _Tree:
         while paths and ended + sum(paths.values()) <= COUNTED:
             if self.model.horizon is None and t > self.model.n_states:  # some state is visited again and again
                 message = f"{self.model.task.id} has infinitely many episodes under this policy"
-                raise SpecError([Diagnostic("E729", None, message, "give the task a horizon")])
+                _refuse_count(message, "give the task a horizon")
             after: dict[int, int] = defaultdict(int)
             for s, number in paths.items():
-                for _, outcome in self.branches(t, s):
-                    if outcome.ends or t + 1 == self.model.horizon:
+                for _, step in self.branches(t, s):
+                    if self._is_last(t, step):
                         ended += number
                     else:
-                        after[outcome.state] += number
+                        after[step.next_state] += number
             paths = after
             t += 1
         return ended + sum(paths.values())
@@ -250,34 +272,28 @@ class _Tree:
 
     def episodes_from(self, start: int) -> Iterator[EnumeratedEpisode]:
         """Yield the episodes that begin in a state, depth first."""
-        waiting: list[tuple[Number, tuple[_Step, ...]]] = [(self.lists.start[start], ())]
+        waiting: list[tuple[Number, int, tuple[_Step, ...]]] = [(self.lists.start[start], start, ())]
         while waiting:
-            probability, steps = waiting.pop()
+            before, s, steps = waiting.pop()
             t = len(steps)
-            if steps and (steps[-1].outcome.ends or t == self.model.horizon):
-                yield self._episode(probability, steps)
-                continue
-            s = steps[-1].outcome.state if steps else start
-            policy = self._policy(t)
-            for a, outcome in self.branches(t, s):
-                waiting.append((probability * policy[s, a] * outcome.probability, (*steps, _Step(s, a, outcome))))
+            for probability, step in self.branches(t, s):
+                if self._is_last(t, step):
+                    yield self._episode(before * probability, (*steps, step))
+                else:
+                    waiting.append((before * probability, step.next_state, (*steps, step)))
 
     def _episode(self, probability: Number, steps: tuple[_Step, ...]) -> EnumeratedEpisode:
-        states = np.array([step.state for step in steps])
-        actions = np.array([step.action for step in steps])
-        next_states = np.array([step.outcome.state for step in steps])
-        rewards = np.array([step.outcome.reward for step in steps], dtype=object if self.exact else np.float64)
-        terminated = np.array([step.outcome.ends for step in steps])
-        truncated = np.zeros(len(steps), np.bool_)
-        truncated[-1] = len(steps) == self.model.horizon
-        probabilities = np.array([self._policy(t)[step.state] for t, step in enumerate(steps)])
+        columns = [np.array(column) for column in zip(*steps, strict=True)]
+        states, actions, rewards, next_states, terminated = columns
+        times = np.arange(len(steps))
+        truncated = times + 1 == self.model.horizon
+        probabilities = np.array([self._policy(t)[s] for t, s in enumerate(states)])
         rows = {"state": (states, self.model.n_states)}
         observations = None
         next_observations = None
         if self.seen.is_known:
-            times = range(len(steps))
             observations = self._shown(times, states)
-            next_observations = self._shown([t + 1 for t in times], next_states)
+            next_observations = self._shown(times + 1, next_states)
             last = len(self.seen.rows) - 1
             rows["observation"] = (self.seen.rows[np.minimum(times, last), states], self.seen.count)
         return EnumeratedEpisode(
@@ -287,11 +303,11 @@ class _Tree:
 
     def _shown(self, times: Iterable[int], states: Array) -> Any:
         """Return the observations (L, *shape) of states at some times."""
+        if not self.seen.is_timed:
+            return part_at(self.seen.at(0), states)
         shown = [part_at(self.seen.at(t), slice(s, s + 1)) for t, s in zip(times, states, strict=True)]
         return end_to_end(shown)
 
 
-class _Step(NamedTuple):
-    state: int
-    action: int
-    outcome: Outcome
+def _refuse_count(message: str, hint: str) -> NoReturn:
+    raise SpecError([Diagnostic("E729", None, message, hint)])

@@ -1,4 +1,4 @@
-"""Estimators on a batch, each by its published definition: slow, obvious, and in fractions where all that is given is.
+"""Estimators on a batch, each by its published definition: obvious, slow (T^2 operations), and in fractions if given those.
 
 The convention of all functions here. Arrays are (T,), or (T, N) for N environments side by side. Row t is one step:
 
@@ -230,7 +230,8 @@ def vtrace(
 
     Args:
         rewards, values, next_values, terminated, truncated: (T,) or (T, N), by the convention of this module.
-        ratios: (T,) or (T, N), pi(a | x) / mu(a | x): of the learner's policy to the one that acted.
+        ratios: (T,) or (T, N), pi(a | x) / mu(a | x) of the learner's policy to the one that acted: exp of the difference of
+            their log-probabilities.
         gamma: the discount.
         rho_bar, c_bar: the largest weights.
         lam: lambda.

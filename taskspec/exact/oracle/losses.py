@@ -144,7 +144,9 @@ def grpo_loss(
     (mask,) = flags(mask)
     if advantages.ndim == 1:
         advantages = advantages[:, None]
-    each = _clipped(log_probs, old_log_probs, advantages, clip, clip if clip_high is None else clip_high)
+    if clip_high is None:
+        clip_high = clip
+    each = _clipped(log_probs, old_log_probs, advantages, clip, clip_high)
     if beta:
         if reference_log_probs is None:
             misused("the KL term needs a reference policy", "`reference_log_probs`, or beta=0")

@@ -58,10 +58,18 @@ class Seen:
         """Return the observations (S, *shape) at a time; a dict of them for a dict space."""
         if not self.is_known:
             refuse(f"observations of {self._model.task.id} are drawn: no table has them")
-        key = t if self.is_timed else 0
-        if key not in self._known:
-            self._known[key] = self._reader.observe(states_of(self._model), key, np.random.default_rng(0))
-        return self._known[key]
+        if not self.is_timed:
+            t = 0
+        if t not in self._known:
+            self._known[t] = self._reader.observe(states_of(self._model), t, np.random.default_rng(0))
+        return self._known[t]
+
+    @property
+    def times(self) -> range:
+        """The times at which observations differ; 0 where they do not show the time."""
+        if self.is_timed:
+            return range(times(self._model))
+        return range(1)
 
     @cached_property
     def rows(self) -> Array:
@@ -70,14 +78,13 @@ class Seen:
         A discrete observation is its own row, counted from the least. Others are numbered in lexicographic order.
         """
         layout = self._model.task.observation_layout
-        last = times(self._model) if self.is_timed else 1
-        flat = [self._flat(t) for t in range(last)]
+        flat = [self._flat(t) for t in self.times]
         if layout.form == "discrete":
             found = np.stack([rows[:, 0] - layout.starts[0] for rows in flat])
         else:
             found = np.unique(np.concatenate(flat), axis=0, return_inverse=True)[1]
         shape = (times(self._model), self._model.n_states)
-        return np.broadcast_to(found.reshape(last, -1).astype(np.int64), shape)
+        return np.broadcast_to(found.reshape(len(flat), -1).astype(np.int64), shape)
 
     @cached_property
     def count(self) -> int:
@@ -135,27 +142,22 @@ def _rational(table: Array) -> Array:
 
 
 def _of_table(model: Model, table: Array) -> Array:
-    """Return the probabilities (1 or T, S, A) that a table over states, or over observations, gives."""
-    found = _probabilities(table, model.n_states, model.n_actions)
+    """Return the probabilities (1 or T, S, A) that a table over states, or over discrete observations, gives."""
     seen = Seen(model)
-    if not seen.is_known or (found is not None and seen.count != model.n_states):
-        rows = None
-    else:
-        rows = _probabilities(table, seen.count, model.n_actions)
-    if rows is not None:
-        rows = np.take_along_axis(
-            np.broadcast_to(rows, (len(seen.rows), *rows.shape[1:])), seen.rows[..., None], axis=1
-        )
-    if found is None and rows is None:
+    by_state = _probabilities(table, model.n_states, model.n_actions)
+    by_observation = None
+    if seen.is_known and model.task.observation_layout.form == "discrete":
+        by_observation = _probabilities(table, seen.count, model.n_actions)
+    if by_observation is None and by_state is not None:
+        return by_state
+    if by_observation is None:
         forms = f"({model.n_states},) for actions, ({model.n_states}, {model.n_actions}) for their probabilities"
         misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", LAST_AXIS)
-    if found is not None and rows is not None and not np.array_equal(seen.rows[0], np.arange(model.n_states)):
+    if by_state is not None and (seen.rows != np.arange(model.n_states)).any():
         hint = "a function of the observation, `lambda observation: table[observation]`"
         misused("the rows of this table may be states or observations, which are numbered differently", hint)
-    if found is not None:
-        return found
-    assert rows is not None
-    return rows
+    each = [by_observation[min(t, len(by_observation) - 1), rows] for t, rows in enumerate(seen.rows)]
+    return np.stack(each)
 
 
 def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
@@ -175,14 +177,14 @@ def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
 
 def _of_policy(model: Model, policy: Any) -> Array:
     """Return the probabilities (1 or T, S, A) of a name, a function, a module of PyTorch, or an object with `predict`."""
-    task = model.task
+    seen = Seen(model)
     if _is_module(policy):
-        return _by_time(model, lambda t: _of_module(policy, Seen(model).at(t)))
+        return np.stack([_of_module(policy, seen.at(t)) for t in seen.times])
     if callable(policy) and not hasattr(policy, "predict"):
-        rows = _of_function(model, policy)
+        rows = _of_function(model, seen, policy)
         if rows is not None:
             return rows
-    found = _tabulated(model, _acting(task, policy))
+    found = _tabulated(model, _acting(model.task, policy))
     if found is None:
         message = "the policy has no table: it remembers, its actions vary, or observations are drawn"
         refuse(message, "a function from the observation to probabilities of actions")
@@ -206,25 +208,15 @@ def _tabulated(model: Model, policy: TaskPolicy) -> Tabulated | None:
         return None
 
 
-def _by_time(model: Model, rows: Callable[[int], Array]) -> Array:
-    """Return what a function of the time gives, (T, ...); (1, ...) where observations do not show the time."""
-    last = times(model) if Seen(model).is_timed else 1
-    return np.stack([rows(t) for t in range(last)])
-
-
-def _of_function(model: Model, function: Callable[[Any], Any]) -> Array | None:
+def _of_function(model: Model, seen: Seen, function: Callable[[Any], Any]) -> Array | None:
     """Return the probabilities (1 or T, S, A) that a function of one observation gives; None where it gives actions."""
-    seen = Seen(model)
     if not seen.is_known or "rng" in parameters(function):
         return None
     first = _answer(function, seen.at(0), 0)
     if first.shape != (model.n_actions,) or model.task.action_layout.form != "discrete":
         return None
-
-    def rows(t: int) -> Array:
-        return np.stack([_answer(function, seen.at(t), s) for s in range(model.n_states)])
-
-    return _by_time(model, rows)
+    rows = [_answer(function, seen.at(t), s) for t in seen.times for s in range(model.n_states)]
+    return np.stack(rows).reshape(-1, model.n_states, model.n_actions)
 
 
 def _answer(function: Callable[[Any], Any], observations: Any, lane: int) -> Array:

@@ -64,9 +64,12 @@ class OutcomeLists:
         self._steps = Steps(model.task, as_paid)
         if as_paid and self._steps.branching == math.inf:
             refuse(f"the reward of {model.task.id} draws from a distribution with infinitely many outcomes")
-        reader = Reader(as_written=True)
-        self._read: Callable[[float], Number] = reader if exact else float
-        self._numbers: ProbabilityArithmetic = ExactProbabilities(reader) if exact else FLOATS
+        self._read: Callable[[float], Number] = float
+        self._numbers: ProbabilityArithmetic = FLOATS
+        if exact:
+            reader = Reader(as_written=True)
+            self._read = reader
+            self._numbers = ExactProbabilities(reader)
         self._known: dict[int, dict[tuple[int, int], Outcomes]] = {}
         self.discount: Number = self._read(model.discount)
         self.start: list[Number] = [0] * model.n_states
@@ -77,10 +80,11 @@ class OutcomeLists:
 
     def at(self, t: int) -> dict[tuple[int, int], Outcomes]:
         """Return the outcomes by state and action at a time, of states in which some episode acts."""
-        key = t if self._model.is_timed else 0
-        if key not in self._known:
-            self._known[key] = self._listed(t)
-        return self._known[key]
+        if not self._model.is_timed:
+            t = 0
+        if t not in self._known:
+            self._known[t] = self._listed(t)
+        return self._known[t]
 
     def _listed(self, t: int) -> dict[tuple[int, int], Outcomes]:
         n = self._model.n_states
