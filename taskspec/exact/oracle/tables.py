@@ -185,8 +185,10 @@ def _of_policy(model: Model, policy: Any) -> Array:
         if rows is not None:
             return rows
     found = _tabulated(model, _acting(model.task, policy))
+    if found is None and not seen.is_known:
+        refuse(f"observations of {model.task.id} are drawn: a policy of observations has no table over its states")
     if found is None:
-        message = "the policy has no table: it remembers, its actions vary, or observations are drawn"
+        message = "the policy has no table: it remembers, or its actions vary"
         refuse(message, "a function from the observation to probabilities of actions")
     return np.stack([found.plan(t).T for t in range(times(model))])
 

@@ -174,19 +174,22 @@ def test_groups_may_share_their_first_state() -> None:
         assert found.count == (8 if same_start else 16)
 
 
-@pytest.mark.parametrize(("name", "policy"), [("Patience", "expert"), ("EndInPlace", [1]), ("ValueLeft", [1, 1])])
-def test_an_episode_is_what_the_environment_returns(name: str, policy: Any) -> None:
+@pytest.mark.parametrize(("name", "policy", "modifiers"), [
+    ("Patience", "expert", []), ("EndInPlace", [1], []), ("ValueLeft", [1, 1], []), ("Patience", "expert", ["relabelled"]),
+    ("Patience", lambda observation: int(observation[1] == 0), ["time_observed"]),
+])  # fmt: skip
+def test_an_episode_is_what_the_environment_returns(name: str, policy: Any, modifiers: list[str]) -> None:
     """A deterministic policy in a deterministic task has one episode; the environment replays it."""
     kept = []
-    task = taskspec.load(name)
+    task = taskspec.load(name, modifiers=modifiers)
     found = oracle.expectation(lambda episode: kept.append(episode) or 0, task, policy)
     (episode,) = kept
     env = taskspec.make(task)
     observation, _ = env.reset(seed=0)
     for t, action in enumerate(episode.actions):
-        assert observation == episode.observations[t]
+        assert np.array_equal(observation, episode.observations[t])
         observation, *rest, _ = env.step(int(action))
-        assert observation == episode.next_observations[t]
+        assert np.array_equal(observation, episode.next_observations[t])
         assert rest == [episode.rewards[t], episode.terminated[t], episode.truncated[t]]
     assert rest[1] or rest[2]
     assert found.count == 1 and episode.probability == 1 and len(episode) == len(episode.log_probs)

@@ -171,6 +171,13 @@ def test_no_policy_is_refused(policy: Any, code: str) -> None:
         oracle.evaluate("SecondThought", policy)
 
 
+def test_a_policy_of_drawn_observations_has_no_table() -> None:
+    noisy = taskspec.load("SecondThought", modifiers=["dropout=0.5"])
+    assert oracle.evaluate(noisy, "random").expected_return == 0.125
+    with pytest.raises(SpecError, match="are drawn"):
+        oracle.evaluate(noisy, lambda observation: [0.5, 0.5])
+
+
 def test_rows_of_a_table_may_be_observations() -> None:
     by_observation = oracle.evaluate("LookAlikes", np.array([[0.25, 0.75]]), exact=True)
     by_state = oracle.evaluate("LookAlikes", np.array([[0.25, 0.75]] * 2), exact=True)
