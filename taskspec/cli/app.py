@@ -24,7 +24,6 @@ from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_
 from taskspec.cli.fmt import fmt
 from taskspec.cli.help import Command, Commands
-from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
 from taskspec.cli.separate import freeze, separate
@@ -33,7 +32,7 @@ from taskspec.cli.sweep import sweep
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Read tasks": (overview.list_, overview.show, overview.explain),
     "Write tasks": (
-        scaffold.new, check, fmt, diff, mutate, build, freeze, import_, scaffold.schema, scaffold.lsp, scaffold.studio,
+        scaffold.new, check, fmt, diff, build, freeze, import_, scaffold.schema, scaffold.lsp, scaffold.studio,
     ),
     "Run and score tasks": (
         running.run, running.play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,

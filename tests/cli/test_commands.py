@@ -84,7 +84,6 @@ FOLDERS = {
     ("check",): "1 task in 1 spec and 1 experiment",
     ("docs", "--no-results", "-o", "OUT"): "on 1 task",
     ("build", "-o", "OUT"): "OUT/tasks.json  1 tasks",
-    ("mutate", "--jobs", "1", "--json"): '"class"',
 }
 
 

@@ -33,8 +33,6 @@ REFUSED = [
     (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
     (["run", "Branching", "--policy", "random(x)"], 1, "no policy 'random(x)'"),
     (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
-    (["mutate", "Branching?L=3"], 1, "without values of parameters"),
-    (["mutate", "Branching+sticky=0.25"], 1, "and modifiers"),
     (["check", "--format", "xml"], 2, "text, json, github"),
     (["run", "Branching", "--json", "--render", "ansi"], 2, "cannot be combined"),
     (["run", "Branching", "--seed", "-1"], 2, "--seed"),

@@ -74,7 +74,7 @@ class ForeignFile:
 
 
 class _Headers(io.BytesIO):
-    """A tar file, of which headers alone are read, up to a limit."""
+    """A tar file whose headers are read, up to a limit of bytes."""
 
     def __init__(self, source: ForeignFile, data: bytes) -> None:
         super().__init__(data)

@@ -148,7 +148,7 @@ class _Archive:
             source.wrong(f"it has more than {MOST_OUTCOMES:,} states, choices, branches or actions, or less than none")
 
     def task(self) -> FrozenTask:
-        """Return the settled task; what is left of the files is lost."""
+        """Return the settled task; files that nothing reads are lost."""
         labels = self._labels()
         paid = self._rewards(labels)
         targets = self._array(TARGETS, "<u8", self.sizes["branches"])

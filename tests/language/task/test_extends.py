@@ -19,7 +19,7 @@ from taskspec.language.registry import entries
 from taskspec.language.source import read_file
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.export import json_schema
-from taskspec.tools.mutation.mutants import mutants
+from tests.verification.spec_changes.mutants import mutants
 
 WALK = """\
 taskspec: 1

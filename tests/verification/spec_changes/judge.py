@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.merge import merge, variant_names
 from taskspec.language.task.parts import Component
 from taskspec.language.task.task import Task
-from taskspec.tools.mutation.mutants import Mutant, mutants
+from tests.verification.spec_changes.mutants import Mutant, mutants
 
 Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent"]
 CLASSES: Mapping[Class, str] = {
@@ -127,15 +127,8 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
     return True
 
 
-def judgements(
-    path: Path, jobs: int = 1, tick: Callable[[], None] = lambda: None
-) -> Iterator[tuple[Mutant, Judgement]]:
-    """Yield what becomes of every mutant of a spec, in the order of the file.
-
-    Args:
-        jobs: processes; with one, everything happens here.
-        tick: called whenever a mutant is judged.
-    """
+def judgements(path: Path, jobs: int = 1) -> Iterator[tuple[Mutant, Judgement]]:
+    """Yield what becomes of every mutant of a spec, in the order of the file; with one job, everything happens here."""
     made = _prepared(path)[2]
     with ExitStack() as stack:
         mapped: Any = map
@@ -144,9 +137,7 @@ def judgements(
             pool = stack.enter_context(ProcessPoolExecutor(jobs, context))
             mapped = partial(pool.map, chunksize=PART)
         numbers = range(len(made))
-        for mutant, judgement in zip(made, mapped(_judge_number, [path] * len(made), numbers), strict=True):
-            tick()
-            yield mutant, judgement
+        yield from zip(made, mapped(_judge_number, [path] * len(made), numbers), strict=True)
 
 
 def _judge_number(path: Path, number: int) -> Judgement:

@@ -17,7 +17,7 @@ from typing import Any
 from taskspec.base.diagnostics import Span
 from taskspec.language.source import Document, Path, read_text
 from taskspec.language.task.merge import FIELDED
-from taskspec.tools.mutation.text_changes import Replacements, changes, off_by_one
+from tests.verification.spec_changes.text_changes import Replacements, changes, off_by_one
 
 CHANGED = (
     *FIELDED, "definitions", "noise", "initial", "dynamics", "constants", "observation", "expert", "reward", "terminal",

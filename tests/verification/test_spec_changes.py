@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from taskspec.cli.app import app
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.tools.mutation.judge import CLASSES, judge, judgements, same_task, tasks_of
-from taskspec.tools.mutation.mutants import mutants, written
-from taskspec.tools.mutation.text_changes import Replacements, changes
 from tests.shared.specs import specs, varied_files
+from tests.verification.spec_changes import __main__ as command
+from tests.verification.spec_changes.judge import CLASSES, judge, judgements, same_task, tasks_of
+from tests.verification.spec_changes.mutants import mutants, written
+from tests.verification.spec_changes.text_changes import Replacements, changes
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 SPECS = [*specs("tasks/derail/*.yaml", "tasks/seals/*.yaml"), *varied_files()]
 NAMES = Replacements({"s": ["n"], "n": ["s"], "calm": ["cross"]}, frozenset({"s"}))
 
@@ -232,21 +231,17 @@ def test_what_notices_a_change(change: tuple[str, Any, Any]) -> None:
     assert judge(document, tasks_of(document), mutant).kind == NOTICED[change]
 
 
-def test_the_command(tmp_path: Path) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row of counts for each spec, and each change that nothing notices."""
     path = tmp_path / "walk.yaml"
     small = {k: v for k, v in JUDGED.items() if k not in ("variants", "observation", "parameters")}
     text = json.dumps(small, indent=1).replace('"n"', "4").replace("0, n)", "0, 4)").replace("== n", "== 4")
     path.write_text(text, encoding="utf-8")
-    done = CliRunner().invoke(app, ["mutate", str(path), "--json", "-j", "1"])
-    found = json.loads(done.stdout)
-    assert done.exit_code == 0
-    assert {each["class"] for each in found} <= set(CLASSES)
-    assert len(found) == len(list(mutants(source.read_file(path))))
-    silent = [each for each in found if each["class"] == "silent"]
-    shown = CliRunner().invoke(app, ["mutate", str(path), "-j", "1", "--strict", "--list", "example"])
-    assert shown.exit_code == bool(silent)
-    assert shown.stdout.count(f"{path}:") == len(silent) + sum(each["class"] == "example" for each in found)
-    assert CliRunner().invoke(app, ["mutate", str(path), "--list", "x"]).exit_code == 2
+    command.main([str(path)])
+    head, row, *silent = capsys.readouterr().out.splitlines()
+    counts = dict(zip(head.split(), map(int, row.split()[1:]), strict=True))
+    assert counts["changes"] == len(list(mutants(source.read_file(path)))) == sum(map(counts.get, CLASSES))
+    assert len(silent) == counts["silent"]
 
 
 @pytest.mark.slow
