@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import faulthandler
 import importlib
 import json
 import os
@@ -13,16 +12,12 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from queue import Empty, Queue
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from taskspec.base.diagnostics import TaskspecError
 
-IDLE = 60.0
-"""Seconds after which a process that has nothing to do ends."""
-GRACE = 1.0
-"""Seconds after its limit in which a call may still stop by itself."""
+LOOK = 0.5
+"""Seconds between looks at whether the other process is still there."""
 
 
 class Ending(NamedTuple):
@@ -50,46 +45,36 @@ def _unpicklable(reason: str) -> None:
     raise TypeError(f"the call cannot be pickled: {reason}")
 
 
-def serve(questions: BinaryIO) -> None:
-    """Do the calls that another process sends, and answer on standard output, until there are none for a while.
+def begin(parent: int) -> None:
+    """Prepare a process for calls: it ignores Ctrl-C, reads nothing, and prints to standard error.
 
-    What calls print goes to standard error. This process ends when the other is gone, even in the middle of a call.
+    Args:
+        parent: the process that it works for, with which it ends, even in the middle of a call.
     """
-    answers = os.fdopen(os.dup(1), "wb")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
     os.dup2(2, 1)
-    calls: Queue[tuple[bytes, float | None, Path]] = Queue()
-    threading.Thread(target=_receive, args=(questions, calls), daemon=True).start()
-    while True:
-        try:
-            call, seconds, trace = calls.get(timeout=IDLE)
-        except Empty:
-            return
-        pickle.dump(perform(call, seconds, trace), answers)
-        answers.flush()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
-def _receive(questions: BinaryIO, calls: Queue[tuple[bytes, float | None, Path]]) -> None:
-    try:
-        while True:
-            calls.put(pickle.load(questions))
-    except EOFError:
-        os._exit(1)
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(LOOK)
+    os._exit(1)
 
 
-def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
+def perform(call: bytes, seconds: float | None) -> Ending:
     """Call a function, and return how that ended.
 
     Args:
         call: see `pack`.
-        seconds: that it may take. After them it is interrupted; if that does not help, its process is ended.
-        trace: a file that gets the traceback in the second case.
+        seconds: that it may take; after them it is interrupted.
     """
     start = time.perf_counter()
     try:
-        with _killed(seconds, trace), interrupted(seconds), _alone():
+        with interrupted(seconds):
             function, arguments = pickle.loads(call)
             if isinstance(function, str):
                 module, _, name = function.partition(":")
@@ -134,31 +119,6 @@ def interrupted(seconds: float | None) -> Iterator[None]:
 
 def _ring(*_: Any) -> None:
     raise Late
-
-
-@contextmanager
-def _alone() -> Iterator[None]:
-    """End copies of this process that a call made by `os.fork`, so that one process answers."""
-    us = os.getpid()
-    try:
-        yield
-    finally:
-        if os.getpid() != us:
-            os._exit(0)
-
-
-@contextmanager
-def _killed(seconds: float | None, trace: Path) -> Iterator[None]:
-    """End the process if a block takes too long even so, by a thread that needs no lock of Python's."""
-    if seconds is None:
-        yield
-        return
-    with trace.open("wb") as file:
-        faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=file)
-        try:
-            yield
-        finally:
-            faulthandler.cancel_dump_traceback_later()
 
 
 def _place(error: BaseException) -> str:

@@ -18,7 +18,8 @@ import numpy as np
 
 from taskspec.base.diagnostics import Collector, SpecError, raise_if_errors, spec_error
 from taskspec.base.display import fixed
-from taskspec.base.jobs.running import Running, Workers, run
+from taskspec.base.jobs.engines import Workers
+from taskspec.base.jobs.running import Running, run
 from taskspec.base.jobs.store import Job, Store
 from taskspec.base.limits import tell
 from taskspec.base.limits import written as written_limits

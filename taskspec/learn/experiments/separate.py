@@ -16,7 +16,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
-from taskspec.base.jobs.running import Workers
+from taskspec.base.jobs.engines import Workers
 from taskspec.base.limits import written as written_limits
 from taskspec.exact.rollout.statistics import ALARM, Difference, differences, seeds_interval
 from taskspec.learn.experiments import races

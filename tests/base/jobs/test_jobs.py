@@ -21,7 +21,8 @@ import typer
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.extras import is_installed
 from taskspec.base.jobs.code_hash import code_hash
-from taskspec.base.jobs.running import START, Interrupted, Running, run
+from taskspec.base.jobs.engines import Workers
+from taskspec.base.jobs.running import Interrupted, Running, run
 from taskspec.base.jobs.store import Job, JobResult, Store
 from taskspec.base.limits import progress_listener
 from taskspec.cli.console import reported
@@ -99,7 +100,7 @@ TROUBLE = {
     "dies": ("quarantined", "its process died: SIGKILL(-9) (2 times)"),
     "turns": ("timed_out", "it took longer than 1 s: "),
     "deaf": ("timed_out", "could not be interrupted"),
-    "holds": ("timed_out", "in hold"),
+    "holds": ("timed_out", "could not be interrupted"),
 }
 
 
@@ -355,26 +356,17 @@ def test_ctrl_c_and_the_loss_of_a_cluster_are_messages(tmp_path: Path) -> None:
 
 @needs_cluster
 def test_an_address_without_a_cluster_is_a_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.base.jobs.running.PATIENCE", 0.5)
+    monkeypatch.setattr("taskspec.base.jobs.engines.PATIENCE", 0.5)
     with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:
         run(jobs.squares(1), store, Running(cluster="tcp://127.0.0.1:1"))
     assert code(error) == "E723"
 
 
-def test_a_run_needs_no_package_beside_the_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("loky", "distributed", "cloudpickle"):
-        monkeypatch.setitem(sys.modules, name, None)
-    with Store(tmp_path / "store") as store:
-        assert {row.status for row in run(jobs.squares(3), store, Running(1)).values()} == {"done"}
-
-
-def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path) -> None:
     """As on Windows: the process is ended, and the next job has a new one."""
-    monkeypatch.setattr(
-        "taskspec.base.jobs.running.START", f"import signal\ndel signal.setitimer, signal.SIGALRM\n{START}"
-    )
-    with Store(tmp_path / "store") as store:
-        rows = run([Job("turn", "turn", jobs.turn), *jobs.squares(2)], store, Running(1, seconds=0.5))
+    with Store(tmp_path / "store") as store, Workers(1) as workers:
+        run([Job("first", "first", jobs.without_signals)], store, workers=workers)
+        rows = run([Job("turn", "turn", jobs.turn), *jobs.squares(2)], store, Running(seconds=0.5), workers=workers)
     (late,) = (row for row in rows.values() if row.status != "done")
     assert late.status == "timed_out" and "could not be interrupted" in str(late.message)
 
