@@ -29,9 +29,7 @@ from taskspec.learn.experiments.races import family_of, rounds
 from taskspec.learn.experiments.references import GAMMA, STEP_SIZE, ObservationTable
 from taskspec.learn.learners.learner import learner
 from taskspec.show.figures import chart
-from taskspec.show.figures.chart import Axes, Scale, Shape
-from taskspec.show.figures.shapes import Item, Line, Paint, Scene
-from taskspec.show.figures.vector_formats import svg
+from taskspec.show.figures.chart import Chart
 
 DOCS = Path(__file__).parents[1]
 FAMILIES = ("tables", "chains", "trees", "grids", "delays")
@@ -45,7 +43,7 @@ LOOKS = 78
 """Looks at the policy of PPO, one after every second round of 128 steps."""
 SOLVED = 0.9
 SHOWN = [name for name in MEASURES if name not in ("hidden_bits",)]
-MARKS: dict[str, tuple[Shape, Paint]] = {"Q-learning": ("circle", chart.BLUE), "PPO": ("square", chart.VERMILION)}
+MARKS = {"Q-learning": ("o", chart.BLUE), "PPO": ("s", chart.VERMILION)}
 
 
 def measured(instance: Instance) -> dict[str, float | None]:
@@ -130,7 +128,7 @@ def correlations(found: Sequence[dict[str, float | None]], learner: str) -> Iter
         )
 
 
-def picture(found: dict[str, dict[str, Correlation]]) -> Scene:
+def picture(found: dict[str, dict[str, Correlation]]) -> Chart:
     """Draw correlations as marks with their intervals, one row for each measure.
 
     Args:
@@ -138,31 +136,32 @@ def picture(found: dict[str, dict[str, Correlation]]) -> Scene:
     """
     first, second = found.values()
     names = sorted(first, key=lambda name: -first[name].value - second[name].value)
-    ticks = tuple(
-        (len(names) - 1 - i, f"{n}  {fixed(first[n].value, 2)}  {fixed(second[n].value, 2)}")
-        for i, n in enumerate(names)
-    )
-    values = tuple((x, fixed(x, 1)) for x in (-1, -0.5, 0, 0.5, 1))
-    across = Scale(-1, 1, values, "rank correlation with the steps of a learner")
-    plot = Axes(0.0, 0.0, 8.0, 0.6 * len(names), across, Scale(-0.5, len(names) - 0.5, ticks))
-    items: list[Item] = [*chart.frame(plot), chart.upright(plot, 0)]
-    for offset, (who, by_measure) in zip((0.15, -0.15), found.items(), strict=True):
-        shape, color = MARKS[who]
-        for i, name in enumerate(names):
-            each = by_measure[name]
-            y = len(names) - 1 - i + offset
-            items.append(Line((plot.at(each.low, y), plot.at(each.high, y)), color=color))
-            items.append(chart.mark(plot.at(each.value, y), shape, color, filled=True))
-    entries = [chart.LegendEntry(who, color, shape=shape, filled=True) for who, (shape, color) in MARKS.items()]
-    items += chart.legend(entries, plot.left, plot.bottom + 1.3, plot.width)
-    return chart.chart(items, "Rank correlations of measures of difficulty with the steps that Q-learning and PPO need")
+    labels = [f"{n}\u2002{fixed(first[n].value, 2)}\u2002{fixed(second[n].value, 2)}" for n in names]
+    with chart.style():
+        figure = chart.figure(5, 0.24 * len(names))
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_xlim(-1, 1)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.axvline(0, color=chart.MUTED, linestyle="--", linewidth=0.8)
+        for offset, (who, by_measure) in zip((-0.15, 0.15), found.items(), strict=True):
+            marker, color = MARKS[who]
+            shown = [by_measure[name] for name in names]
+            ends = [[each.value - each.low for each in shown], [each.high - each.value for each in shown]]
+            rows = np.arange(len(names)) + offset
+            values = [each.value for each in shown]
+            axes.errorbar(values, rows, xerr=ends, fmt=marker, color=color, elinewidth=1, label=who)
+        axes.set_yticks(range(len(names)), labels)
+        axes.set_xlabel("rank correlation with the steps of a learner")
+        chart.numbers(axes.xaxis)
+        axes.legend(loc="lower right")
+    return Chart(figure, "Rank correlations of measures of difficulty with the steps that Q-learning and PPO need")
 
 
 def main() -> None:
     """Draw the figure, and write the numbers of tasks that were solved."""
     found = rows()
     by_learner = {who: {each.name: each for each in correlations(found, who)} for who in STEPS}
-    (DOCS / "pictures" / "measures.svg").write_text(svg(picture(by_learner)) + "\n", encoding="utf-8")
+    chart.save(picture(by_learner), DOCS / "pictures" / "measures.svg")
     solved = {who: f"{sum(row[who] != math.inf for row in found)}" for who in STEPS}
     page = DOCS / "explain" / "difficulty.md"
     page.write_text(filled(page, {**solved, "compared": f"{len(found)}"}), encoding="utf-8")

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from taskspec.show.figures import chart
+
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs/pictures"
 RESULTS = ROOT / "docs/results"
@@ -74,7 +76,7 @@ LIGHT = Theme("light", "#ffffff", "#1f2933", "#6b7785", "#0b5cad", {})
 DARK = Theme(
     "dark", "#0d1117", "#e6edf3", "#9aa7b4", "#79b8ff",
     {"#ffffff": "#0d1117", "#1f2933": "#e6edf3", "#6b7785": "#9aa7b4", "#b7e4bf": "#2f6b3c", "#f3a6a0": "#8c3a35",
-     "#d5d9de": "#454c55", "#eef2f5": "#18212b", "#f6ece6": "#33231d"},
+     "#d5d9de": "#454c55", chart.BETWEEN: "#18212b", chart.WORSE: "#33231d", chart.BLUE: "#7cc4f0", chart.FAILS: "#f0a070"},
 )  # fmt: skip
 
 

@@ -160,6 +160,7 @@ def _examine(learners: Sequence[str], output: Path | None, running: Running, ter
     from taskspec.learn.exam.comparison import compare
     from taskspec.learn.exam.report import write, write_several
     from taskspec.learn.exam.results import folder_name
+    from taskspec.show.figures import chart
 
     names = list(map(folder_name, learners))
     if len(set(names)) < len(names):
@@ -176,7 +177,7 @@ def _examine(learners: Sequence[str], output: Path | None, running: Running, ter
     elif is_one:
         show(exams, [own / "exam.json", *write(exams[learner], own)])
     else:
-        show(exams, write_several(exams, folder, ["svg"]))
+        show(exams, write_several(exams, folder, chart.possible(["svg"])))
     if any(each["flags"] for each in exams.values()):
         raise typer.Exit(1)
 

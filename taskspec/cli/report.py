@@ -224,13 +224,14 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
     from taskspec.learn.exam.report import write, write_several
     from taskspec.learn.experiments.picture import draw
+    from taskspec.show.figures import chart
 
     print_matrix(found.exams)
     written: list[Path] = []
     for name, exam in found.exams.items():
         written += write(exam, found.folders[name])
-    written += write_several(found.exams, folder, ["html", "svg"])
-    if any(instance.varied for instance in found.instances):
+    written += write_several(found.exams, folder, chart.possible(["html", "svg"]))
+    if chart.is_available() and any(instance.varied for instance in found.instances):
         path = folder / f"{safe_name(experiment.name)}.svg"
         draw(experiment, found.rows(), path, tuple(found.exams))
         written.append(path)

@@ -33,7 +33,8 @@ ExperimentName = Annotated[
 Format = Annotated[
     list[str] | None,
     options.formats_option(
-        FORMATS, "What else to write; may be repeated, or given with commas. JSON, CSV and SVG by default."
+        FORMATS,
+        "What else to write; may be repeated, or given with commas. JSON, CSV and (with matplotlib) SVG by default.",
     ),
 ]
 
@@ -63,8 +64,9 @@ def sweep(
     from taskspec.language.targets import settings
     from taskspec.learn.experiments import picture
     from taskspec.learn.experiments.sweeping import WRITERS
+    from taskspec.show.figures import chart
 
-    wanted = options.checked_choices("--format", format or ["json,csv,svg"], FORMATS)
+    wanted = options.checked_choices("--format", format or chart.possible(["json", "csv", "svg"]), FORMATS)
     written = experiments.read(experiment)
     found = experiments.expand(written, settings(parameters) if parameters else ())
     found.raise_if_wrong()

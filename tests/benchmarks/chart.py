@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.extras import need
-from taskspec.base.files import write_bytes
+from taskspec.show.figures import chart
 
 if TYPE_CHECKING:
     from tests.benchmarks.race import Rate
@@ -54,36 +53,26 @@ def draw(rates: Sequence[Rate], path: Path) -> None:
     Raises:
         SpecError: E705 without matplotlib.
     """
-    matplotlib = need("matplotlib", "figures")
-    kind = path.suffix[1:].lower()
-    settings = {"svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8, "font.family": "DejaVu Sans"}
-    with matplotlib.rc_context(settings):
-        drawn = figure(rates)
-        metadata: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[
-            kind
-        ]
-        picture = BytesIO()
-        drawn.savefig(picture, format=kind, dpi=200, metadata=metadata)
-    write_bytes(path, picture.getvalue())
+    chart.save(chart.Chart(figure(rates), "Steps per second by task, program and number of lanes"), path)
 
 
 def figure(rates: Sequence[Rate]) -> Any:
     """The chart as matplotlib's `Figure`."""
-    figures = need("matplotlib.figure", "figures")
     tasks = list(dict.fromkeys(r.contestant.task for r in rates))
     sizes = _sizes(rates)
-    drawn = figures.Figure(figsize=(WIDTH, MARGIN + ROW * len(tasks)), layout="constrained")
-    axes = drawn.add_subplot()
-    _frame(axes, tasks, [r.median for r in rates])
-    for row, task in enumerate(tasks):
-        mine = sorted(
-            (r for r in rates if r.contestant.task == task), key=lambda r: -r.contestant.lanes
-        )  # small ones on top
-        programs = _programs(mine)
-        for r in mine:
-            level = LEVELS[programs.index(r.contestant.program) % len(LEVELS)]
-            axes.plot([r.median], [row + level], **_style(MARKS[r.contestant.program], sizes[r.contestant.lanes]))
-    drawn.legend(handles=_legend(_programs(rates), sizes), loc="outside lower center", ncols=COLUMNS, frameon=False)
+    with chart.style():
+        drawn = chart.figure(WIDTH, MARGIN + ROW * len(tasks), layout="constrained")
+        axes = drawn.add_subplot()
+        _frame(axes, tasks, [r.median for r in rates])
+        for row, task in enumerate(tasks):
+            mine = sorted(
+                (r for r in rates if r.contestant.task == task), key=lambda r: -r.contestant.lanes
+            )  # small ones on top
+            programs = _programs(mine)
+            for r in mine:
+                level = LEVELS[programs.index(r.contestant.program) % len(LEVELS)]
+                axes.plot([r.median], [row + level], **_style(MARKS[r.contestant.program], sizes[r.contestant.lanes]))
+        drawn.legend(handles=_legend(_programs(rates), sizes), loc="outside lower center", ncols=COLUMNS)
     return drawn
 
 
@@ -112,13 +101,15 @@ def _frame(axes: Any, tasks: Sequence[str], values: Sequence[float]) -> None:
     axes.set_ylim(len(tasks) - 0.5, -0.5)
     axes.set_yticks(range(len(tasks)), tasks)
     axes.tick_params(axis="y", length=0)
+    ticker = need("matplotlib.ticker", "figures")
+    axes.xaxis.set_major_formatter(ticker.EngFormatter(sep=""))
+    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
     axes.set_xlabel("steps per second")
     axes.grid(axis="x", color="#DDDDDD", linewidth=0.6)
     for row in range(0, len(tasks), 2):
         axes.axhspan(row - 0.5, row + 0.5, color="#F4F4F4", linewidth=0, zorder=0)
     axes.set_axisbelow(True)
-    for side in ("left", "right", "top"):
-        axes.spines[side].set_visible(False)
+    axes.spines["left"].set_visible(False)
 
 
 def _sizes(rates: Sequence[Rate]) -> dict[int, float]:

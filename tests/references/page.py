@@ -12,6 +12,7 @@ import numpy as np
 from taskspec.exact.rollout.statistics import seeds_interval
 from taskspec.exam import Exam
 from taskspec.learn.exam.score_rows import decimal, interval, named
+from taskspec.show.figures import chart
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, PICTURE = DOCS / "explain/learners.md", DOCS / "pictures/references.svg"
@@ -98,23 +99,19 @@ def written(found: Sequence[Compared]) -> None:
 
 def draw(found: Sequence[Compared]) -> None:
     """Learning curves: means over seeds, with their 95 % intervals."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context({"svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8}):
-        figure = Figure(figsize=(2.4 * len(found), 2.2), layout="constrained")
+    with chart.style():
+        figure = chart.figure(2.4 * len(found), 2.2, layout="constrained")
         for i, each in enumerate(found):
             axes = figure.add_subplot(1, len(found), i + 1)
-            for runs, label, color in ((each.ours, "ours", "#0072B2"), (each.theirs, each.library, "#D55E00")):
+            for runs, label, color in ((each.ours, "ours", chart.BLUE), (each.theirs, each.library, chart.VERMILION)):
                 low, high = zip(*(_interval(column) for column in runs.curves.T), strict=True)
                 axes.plot(runs.steps, runs.curves.mean(axis=0), color=color, label=label)
                 axes.fill_between(runs.steps, low, high, color=color, alpha=0.2, linewidth=0)
-            axes.axhline(1, color="#888888", linestyle=":", linewidth=0.8)
+            axes.axhline(1, color=chart.MUTED, linestyle=":", linewidth=0.8)
             axes.set_title(f"{NAMES[each.learner]}, {named(each.task)}", fontsize=8)
             axes.set_xlabel("steps")
             axes.set_xticks([runs.steps[-1]], [f"{runs.steps[-1] / 1000:.0f}k"])
-            axes.spines[["top", "right"]].set_visible(False)
-            axes.legend(fontsize=6.5, frameon=False)
+            axes.legend(fontsize=6.5)
             if i == 0:
                 axes.set_ylabel("score: random 0, expert 1")
-        figure.savefig(PICTURE, metadata={"Date": None})
+    chart.save(chart.Chart(figure, "Learning curves, ours and those of other libraries"), PICTURE)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.extras import install
 from taskspec.base.files import write_text
 from taskspec.learn.exam import score_charts, score_rows
 from taskspec.learn.exam.card import card, matrix
 from taskspec.learn.exam.score_rows import TaskRow, counted, forms_of
-from taskspec.show.figures import save
-from taskspec.show.figures.chart import Scale
-from taskspec.show.figures.shapes import Scene
-from taskspec.show.figures.vector_formats import svg
+from taskspec.show.figures import chart
+from taskspec.show.figures.chart import Chart
 from taskspec.show.pages.render.html import page_of
 
 PICTURES = ("png", "pdf", "svg")
@@ -70,7 +69,7 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
             write_text(place / "learners.html", page_of_several(exams))
             written.append(place / "learners.html")
         else:
-            written += [save(scene, place / f"{stem}.{name}") for stem, scene in score_charts.of_several(exams)]
+            written += [chart.save(drawn, place / f"{stem}.{name}") for stem, drawn in score_charts.of_several(exams)]
     return written
 
 
@@ -79,7 +78,7 @@ def _write_one(exam: Mapping[str, Any], path: Path) -> Path:
     if path.suffix == ".html":
         write_text(path, page(exam))
         return path
-    return save(score_charts.picture(card(exam)), path)
+    return chart.save(score_charts.picture(card(exam)), path)
 
 
 def _known(formats: Iterable[str]) -> list[str]:
@@ -99,17 +98,17 @@ def page(exam: Mapping[str, Any]) -> str:
     """Return the page of an exam."""
     shown = card(exam)
     forms = forms_of(shown.rows)
-    scores = score_charts.score_axis(shown.rows)
+    scores = score_charts.score_ends(shown.rows)
     return page_of(
         "report.html", card=shown, suite=exam["suite"], lead=_code(shown.lead), advice=_code(shown.advice),
         forms=[*forms, "seeds pass"], rows=[_row(row, forms, scores) for row in shown.rows],
-        axis=_embedded(score_charts.strip_head(scores), "strip axis"),
-        key=_embedded(score_charts.strip_key(), "strip key"),
+        axis=_embedded("strip axis", score_charts.strip_head, scores),
         curves=[
-            {"name": row.name, "picture": _embedded(score_charts.curves(row), "curves")}
+            {"name": row.name, "picture": _embedded("curves", score_charts.curves, row)}
             for row in (*shown.rows, *shown.others)
-            if row.curves
+            if row.curves and chart.is_available()
         ],
+        install=install("figures"),
         diagnoses=[{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses],
         flags=[{"kind": flag.kind, "words": _code(flag.words)} for flag in shown.flags],
         notes=[_code(note) for note in shown.notes],
@@ -134,18 +133,21 @@ def _breakable(name: str) -> Markup:
     return Markup("<wbr>").join(parts)
 
 
-def _embedded(scene: Scene, kind: str) -> Markup:
-    return Markup(svg(scene, css=True, kind=kind))
+def _embedded(kind: str, draw: Callable[..., Chart], *drawn: Any) -> Markup:
+    """Return a chart for a page; nothing without matplotlib."""
+    if not chart.is_available():
+        return Markup()
+    return Markup(chart.svg(draw(*drawn), kind))
 
 
-def _row(row: TaskRow, forms: Sequence[str], scores: Scale) -> dict[str, Any]:
+def _row(row: TaskRow, forms: Sequence[str], scores: score_charts.Ends) -> dict[str, Any]:
     """Return a task with its strip, and its numbers in words, each with its interval."""
     numbers = []
     for form in forms:
         cell = row.forms[form]
         numbers.append({"form": form, "words": cell.words, "interval": score_rows.interval(*cell.interval)})
     numbers.append({"form": "seeds pass", "words": row.passed, "interval": ""})
-    return {"task": row, "numbers": numbers, "picture": _embedded(score_charts.strip(row, scores), "strip")}
+    return {"task": row, "numbers": numbers, "picture": _embedded("strip", score_charts.strip, row, scores)}
 
 
 def _code(text: str) -> Markup:

@@ -8,233 +8,243 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from taskspec.base.files import safe_name
-from taskspec.language.printers import tree as m
 from taskspec.learn.exam import score_rows
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
-from taskspec.learn.exam.score_rows import FIXED, FLOOR, FORMS, PUBLISHED, RELABELLED, TaskRow, decimal, forms_of
+from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, TaskRow, decimal, forms_of
 from taskspec.learn.exam.verdicts import MASTERED
 from taskspec.show.figures import chart
-from taskspec.show.figures.chart import Axes, Scale
-from taskspec.show.figures.shapes import Area, Box, Circle, Hex, Item, Label, Line, Paint, Scene
+from taskspec.show.figures.chart import Chart
 
-GRADES: dict[str | None, Paint] = {
-    "masters": chart.BLUE, "passes": "muted", "unsure": "muted", "fails": Hex("#B8400A"), None: "muted",
+GRADES: dict[str | None, str] = {
+    "masters": chart.BLUE, "passes": chart.MUTED, "unsure": chart.MUTED, "fails": chart.FAILS, None: chart.MUTED,
 }  # fmt: skip
 """The colour of a verdict."""
-TINTS: dict[str, Hex] = {
-    "masters": Hex("#d3e6f4"), "passes": Hex("#e6e9ec"), "unsure": Hex("#e6e9ec"), "fails": Hex("#f8d5c2"),
-    "": Hex("#f6f6f4"),
+TINTS: dict[str, str] = {
+    "masters": chart.TINT_MASTERS, "passes": chart.TINT_UNSURE, "unsure": chart.TINT_UNSURE, "fails": chart.TINT_FAILS,
+    "": chart.TINT_NONE,
 }  # fmt: skip
 """The same colours as backgrounds of numbers."""
-WORSE = Hex("#f6ece6")
-BETWEEN = Hex("#eef2f5")
-LANE = 0.72
-"""The height of a strip, in centimetres."""
-WIDTH = 10.6
-"""The width of the strips, in centimetres."""
-SPARK = (2.9, 0.5)
-"""Width and height of a learning curve beside a strip, in centimetres."""
-TITLE = 0.34
+WIDTH = 4.2
+LANE = 0.28
+"""Width and height of a strip, in inches."""
+COLUMN = 0.75
+"""The width of a column of numbers beside the strips, in inches."""
+SPARK = 1.15
+"""The width of a learning curve beside a strip, in inches."""
+LINE = 0.19
+"""The distance of lines of words, in inches."""
 LETTERS = 105
-"""Letters in a line of a title."""
+"""Letters in a line of words."""
+CELL = (0.9, 0.42)
+"""Width and height of a cell of a matrix, in inches."""
+LONGEST = 12
+"""Letters in a line above a column of a matrix."""
+Ends = tuple[float, float]
 
 
 # -- strips
 
 
-def score_axis(rows: Sequence[TaskRow]) -> Scale:
-    """Return the axis that the strips of all tasks share: it shows random actions, the expert, and scores down to `FLOOR`."""
+def score_ends(rows: Sequence[TaskRow]) -> Ends:
+    """Return the ends of the axis that the strips of all tasks share: it shows random actions, the expert, and scores down to
+    `FLOOR`."""
     highest = [max(cell.scores) for row in rows for cell in row.forms.values() if cell.scores]
-    return Scale(FLOOR - 0.13, max([1.0, *highest]) + 0.06)
+    return FLOOR - 0.13, max([1.0, *highest]) + 0.06
 
 
-def backdrop(plot: Axes) -> Iterator[Item]:
-    """Yield the bands of all strips (worse than random, random to expert) and lines at random, 0.9 and the expert."""
-    start = plot.at(0.0, 0.0)[0]
-    end = plot.at(1.0, 0.0)[0]
-    yield Box((plot.left, plot.top), start - plot.left, plot.height, WORSE, None)
-    yield Box((start, plot.top), end - start, plot.height, BETWEEN, None)
-    yield chart.upright(plot, 0.0, "muted", "solid", 0.02)
-    yield chart.upright(plot, MASTERED, "muted", "dashed", 0.02)
-    yield chart.upright(plot, 1.0, "muted", "solid", 0.02)
+def _backdrop(axes: Any, ends: Ends) -> None:
+    """Draw the bands of all strips (worse than random, random to expert) and lines at random, 0.9 and the expert."""
+    axes.set_xlim(ends)
+    axes.axvspan(ends[0], 0.0, color=chart.WORSE, linewidth=0)
+    axes.axvspan(0.0, 1.0, color=chart.BETWEEN, linewidth=0)
+    for score, dash in ((0.0, "-"), (MASTERED, "--"), (1.0, "-")):
+        axes.axvline(score, color=chart.MUTED, linestyle=dash, linewidth=0.7)
+    axes.axis("off")
 
 
-def axis_words(plot: Axes, size: float = chart.SMALL) -> Iterator[Item]:
-    """Yield the words above the strips."""
-    y = plot.top - 0.2
-    middle = (plot.left + plot.at(0.0, 0.0)[0]) / 2
-    yield from chart.words("worse than random", (middle, y), size, color="muted")
-    yield from chart.words("random", (plot.at(0.0, 0.0)[0], y), size, color="muted")
-    yield from chart.words(decimal(MASTERED).rstrip("0"), (plot.at(MASTERED, 0.0)[0] - 0.2, y), size, "end", "muted")
-    yield from chart.words("expert", (plot.right, y), size, "end", "muted")
+def _axis_words(axes: Any, ends: Ends, y: float, size: float) -> None:
+    """Write the words above the strips, from a height in shares of the axes."""
+    where = {"transform": axes.get_xaxis_transform(), "color": chart.MUTED, "fontsize": size, "va": "bottom"}
+    axes.text(ends[0] / 2, y, "worse than random", ha="center", **where)
+    axes.text(0.0, y, "random", ha="center", **where)
+    axes.text(MASTERED - 0.045, y, decimal(MASTERED).rstrip("0"), ha="right", **where)
+    axes.text(ends[1], y, "expert", ha="right", **where)
 
 
-def marks(plot: Axes, row: TaskRow, lane: float) -> Iterator[Item]:
-    """Yield the scores of a task: seeds as faint dots, the mean as a dot joined to the hollow one of its twins.
+def _marks(axes: Any, row: TaskRow, lane: float) -> None:
+    """Draw the scores of a task: seeds as faint dots, the mean as a dot joined to the hollow one of its twins.
 
     The colour is that of the verdict. Positions are clipped at `FLOOR`; a clipped mean gets a mark at the edge, and its value.
     """
     color = GRADES[row.grade]
-    shown = [(cell.mean, form) for form, cell in row.forms.items() if cell.mean is not None]
-    places = {form: plot.at(max(mean, FLOOR), lane) for mean, form in shown}
-    for score in row.printed.scores:
-        yield Circle(plot.at(max(score, FLOOR), lane), 0.05, color, None, 0.25)
+    means = {form: cell.mean for form, cell in row.forms.items() if cell.mean is not None}
+    places = dict(zip(means, score_rows.clipped(means.values()), strict=True))
+    seeds = score_rows.clipped(row.printed.scores)
+    axes.plot(seeds, [lane] * len(seeds), "o", color=color, markersize=3, markeredgewidth=0, alpha=0.3)
     if PUBLISHED in places and RELABELLED in places:
-        yield Line((places[PUBLISHED], places[RELABELLED]), color=color, width=0.05)
+        axes.plot([places[PUBLISHED], places[RELABELLED]], [lane, lane], color=color, linewidth=1.5)
     if FIXED in places:
-        x, y = places[FIXED]
-        yield Line(((x, y - 0.2), (x, y + 0.2)), color="muted", width=0.05)
+        axes.plot([places[FIXED]], [lane], "|", color=chart.MUTED, markersize=11, markeredgewidth=1.5)
     if PUBLISHED in places:
-        yield Circle(places[PUBLISHED], 0.12, color, color)
+        axes.plot([places[PUBLISHED]], [lane], "o", color=color, markersize=7)
     if RELABELLED in places:
-        yield Circle(places[RELABELLED], 0.12 if PUBLISHED not in places else 0.1, "paper", color)
-    clipped = [decimal(mean) for mean, form in shown if mean < FLOOR and form in (PUBLISHED, RELABELLED)]
-    if clipped:
-        yield from _clipped(plot, lane, ", ".join(dict.fromkeys(clipped)), color)
+        axes.plot([places[RELABELLED]], [lane], "o", color=color, markersize=6, markerfacecolor=chart.PAPER)
+    further = [decimal(means[form]) for form in (PUBLISHED, RELABELLED) if means.get(form, 0.0) < FLOOR]
+    if further:
+        axes.plot([0.012], [lane], "<", color=color, markersize=5, transform=axes.get_yaxis_transform())
+        text = ", ".join(dict.fromkeys(further))
+        axes.annotate(text, (FLOOR, lane), (7, 1), textcoords="offset points", color=color, fontsize=6.5)
 
 
-def _clipped(plot: Axes, lane: float, text: str, color: Paint) -> Iterator[Item]:
-    """Yield a mark at the left edge, and the value of what is further left."""
-    x = plot.left + 0.04
-    y = plot.at(0.0, lane)[1]
-    yield Area(((x, y), (x + 0.16, y - 0.11), (x + 0.16, y + 0.11)), color)
-    yield from chart.words(text, (plot.left + 0.85, y - 0.21), 0.22, "start", color)
-
-
-def strip(row: TaskRow, scores: Scale) -> Scene:
+def strip(row: TaskRow, ends: Ends) -> Chart:
     """Draw the strip of one task, for a page."""
-    plot = Axes(0.0, 0.0, WIDTH, LANE, scores, Scale(0.5, -0.5))
     values = [f"{form} {cell.words}" for form, cell in row.forms.items() if cell.words]
-    alt = f"{row.name}: {', '.join(values) or 'not run'}"
-    return Scene(WIDTH, LANE, (*backdrop(plot), *marks(plot, row, 0.0)), alt, font="sans")
+    with chart.style():
+        figure = chart.figure(WIDTH, LANE)
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_ylim(0.5, -0.5)
+        _backdrop(axes, ends)
+        _marks(axes, row, 0.0)
+    return Chart(figure, f"{row.name}: {', '.join(values) or 'not run'}", is_tight=False)
 
 
-def strip_head(scores: Scale) -> Scene:
+def strip_head(ends: Ends) -> Chart:
     """Draw the words above the strips, for a page."""
-    plot = Axes(0.0, 0.42, WIDTH, 0.0, scores, Scale(0.5, -0.5))
-    return Scene(WIDTH, 0.42, tuple(axis_words(plot, 0.26)), "scores: random actions 0, expert 1", font="sans")
+    with chart.style():
+        figure = chart.figure(WIDTH, LINE)
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_xlim(ends)
+        axes.axis("off")
+        _axis_words(axes, ends, 0.2, 7.5)
+    return Chart(figure, "scores: random actions 0, expert 1", is_tight=False)
 
 
 # -- learning curves
 
 
-def learning_curves(plot: Axes, row: TaskRow) -> Iterator[Item]:
-    """Yield scores over steps: every seed thin, their mean thick, with lines at the optimum, the expert and random actions."""
+def _learning_curves(axes: Any, row: TaskRow) -> None:
+    """Draw scores over steps: every seed thin, their mean thick, with lines at the optimum, the expert and random actions."""
     color = GRADES[row.grade]
     if row.optimum is not None:
-        yield chart.level(plot, row.optimum, "muted", "dotted", 0.02)
-    yield chart.level(plot, 1.0, "muted", "dashed", 0.02)
-    yield chart.level(plot, 0.0, "muted", "dashdot", 0.02)
+        axes.axhline(row.optimum, color=chart.MUTED, linestyle=":", linewidth=0.7)
+    axes.axhline(1.0, color=chart.MUTED, linestyle="--", linewidth=0.7)
+    axes.axhline(0.0, color=chart.MUTED, linestyle="-.", linewidth=0.7)
     for curve in row.curves:
         xs, ys = zip(*curve, strict=True)
-        yield from chart.polyline(plot, xs, score_rows.clipped(ys), color, 0.02, shade=0.4)
+        axes.plot(xs, score_rows.clipped(ys), color=color, linewidth=0.6, alpha=0.4)
     steps, means = score_rows.mean_curve(row.curves)
-    yield from chart.polyline(plot, steps, score_rows.clipped(means), color, 0.05)
+    axes.plot(steps, score_rows.clipped(means), color=color, linewidth=1.6)
+    axes.set_xlim(0.0, _last_step(row))
 
 
-def sparkline(left: float, top: float, size: tuple[float, float], row: TaskRow) -> Iterator[Item]:
-    """Yield the learning curves of a task in a small plot without axes."""
-    steps = max(1.0, *(x for curve in row.curves for x, _ in curve))
-    values = [0.0, 1.0, *score_rows.clipped([y for curve in row.curves for _, y in curve])]
-    yield from learning_curves(Axes(left, top, *size, Scale(0.0, steps), Scale(min(values), max(values))), row)
+def _last_step(row: TaskRow) -> float:
+    return max(1.0, *(x for curve in row.curves for x, _ in curve))
 
 
-def curves(row: TaskRow) -> Scene:
+def curves(row: TaskRow) -> Chart:
     """Draw the learning curves of a task with axes, for a page."""
-    last = max(1.0, *(x for curve in row.curves for x, _ in curve))
-    scores = [y for curve in row.curves for _, y in curve]
-    values = [0.0, 1.0, *score_rows.clipped(scores)]
-    below = "≤ " if min(scores) < FLOOR else ""
-    names = {FLOOR: f"{below}−1", 0.0: "0", 1.0: "1"}
-    ticks = tuple((y, name) for y, name in names.items() if min(values) <= y <= max(values))
-    steps = Scale(0.0, last, ((0.0, "0"), (last, f"{score_rows.steps(last)} steps")))
-    plot = Axes(0.75, 0.2, 3.6, 1.5, steps, Scale(min(values), max(values), ticks))
-    items = (*chart.frame(plot, size=0.26), *learning_curves(plot, row))
-    alt = f"Learning curves of {row.name}, up to {score_rows.steps(last)} steps"
-    return Scene(5.1, 2.3, items, alt, font="sans")
+    last = _last_step(row)
+    lowest = min(y for curve in row.curves for _, y in curve)
+    ticks = {0.0: "0", 1.0: "1"}
+    if lowest <= FLOOR:
+        ticks[FLOOR] = "≤ −1" if lowest < FLOOR else "−1"
+    with chart.style():
+        figure = chart.figure(2.0, 0.95)
+        axes = figure.add_axes((0.18, 0.22, 0.74, 0.7))
+        _learning_curves(axes, row)
+        axes.set_yticks(list(ticks), list(ticks.values()))
+        axes.set_xticks([0.0, last], ["0", f"{score_rows.steps(last)} steps"])
+        axes.get_xticklabels()[1].set_horizontalalignment("right")
+    return Chart(figure, f"Learning curves of {row.name}, up to {score_rows.steps(last)} steps", is_tight=False)
 
 
 # -- the card
 
 
-def picture(shown: Card) -> Scene:
+def picture(shown: Card) -> Chart:
     """Draw the card of an exam: what is wrong in words, a strip for each task that needs a look, and learning curves."""
-    lines: list[tuple[str, Paint, bool]] = [(f"{shown.learner}: {shown.terms}", "muted", False)]
-    lines += [(line, "ink", True) for line in textwrap.wrap(shown.lead, LETTERS)]
-    lines += [(line, "ink", False) for line in textwrap.wrap(shown.advice.replace("`", ""), LETTERS)]
-    lines += [(line, "muted", False) for line in textwrap.wrap(shown.passed, LETTERS)]
+    lines = [(f"{shown.learner}: {shown.terms}", chart.MUTED, "normal")]
+    lines += [(line, chart.INK, "bold") for line in textwrap.wrap(shown.lead, LETTERS)]
+    lines += [(line, chart.INK, "normal") for line in textwrap.wrap(shown.advice.replace("`", ""), LETTERS)]
+    lines += [(line, chart.MUTED, "normal") for line in textwrap.wrap(shown.passed, LETTERS)]
     named = [(row.name, row) for row in shown.rows]
-    return chart.chart([*_lines(lines), *strips(named)], f"Exam of {shown.learner}. {shown.lead}")
+    return _strips(named, lines, f"Exam of {shown.learner}. {shown.lead}")
 
 
-def _lines(lines: Sequence[tuple[str, Paint, bool]]) -> Iterator[Item]:
-    for i, (line, color, bold) in enumerate(lines):
-        top = -1.0 - 0.5 * (len(lines) - i)
-        yield Label((0.0, top), m.Words(line), TITLE, "start", color, bold=bold)
-
-
-def strips(named: Sequence[tuple[str, TaskRow]]) -> Iterator[Item]:
-    """Yield rows of a name, a strip, the numbers, and a learning curve if there is one."""
+def _strips(named: Sequence[tuple[str, TaskRow]], lines: Sequence[tuple[str, str, str]], alt: str) -> Chart:
+    """Draw lines of words (text, colour, weight), and below them rows of a name, a strip, the numbers, and a learning curve."""
     rows = [row for _, row in named]
-    left = max((chart.breadth(name) for name, _ in named), default=0.0) + 0.7
-    plot = Axes(left, 0.0, WIDTH, LANE * len(rows), score_axis(rows), Scale(len(rows) - 0.5, -0.5))
     forms = forms_of(rows)
-    columns = [(form, plot.right + 1.2 + 1.75 * i) for i, form in enumerate(forms)]
-    last = plot.right + 1.2 + 1.75 * len(forms)
-    yield from backdrop(plot)
-    yield from axis_words(plot)
-    for form, x in columns:
-        yield from chart.words(form.replace(" ", "\n", 1), (x, -0.3), chart.SMALL, color="muted")
-    for i, (name, row) in enumerate(named):
-        y = LANE * (i + 0.5)
-        color = GRADES[row.grade]
-        yield Label((0.0, y), m.Words(row.sign), 0.34, "start", color, bold=True)
-        yield from chart.words(name, (0.5, y), anchor="start")
-        if i:
-            yield Line(((plot.left, LANE * i), (plot.right, LANE * i)), color="paper", width=0.04)
-        yield from marks(plot, row, i)
-        for form, x in columns:
-            text = row.forms[form].words or "–"
-            yield from chart.words(text, (x, y), color=color if form == PUBLISHED else "ink")
-        if row.curves:
-            yield from sparkline(last, y - SPARK[1] / 2, SPARK, row)
-    yield from key((plot.left + 0.12, plot.bottom + 0.4), forms)
+    ends = score_ends(rows)
+    left = chart.LETTER * (max((len(name) for name, _ in named), default=0) + 3)
+    with chart.style():
+        figure = chart.figure(WIDTH, LANE * max(1, len(rows)))
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        _backdrop(axes, ends)
+        _axis_words(axes, ends, 1.01, 7)
+        inches = chart.inches(axes)
+        top = LANE * max(1, len(rows))
+        for i, (line, color, weight) in enumerate(reversed(lines)):
+            axes.text(-left, top + 0.5 + LINE * i, line, transform=inches, color=color, weight=weight, fontsize=9)
+        places = [WIDTH + COLUMN * (j + 0.7) for j in range(len(forms))]
+        for form, x in zip(forms, places, strict=True):
+            head = form.replace(" ", "\n", 1)
+            axes.text(x, top + 0.05, head, transform=inches, ha="center", color=chart.MUTED, fontsize=7)
+        for i, (name, row) in enumerate(named):
+            y = top - LANE * (i + 0.5)
+            where = {"transform": inches, "va": "center_baseline"}
+            color = GRADES[row.grade]
+            axes.text(-left, y, row.sign, color=color, weight="bold", fontsize=9, **where)
+            axes.text(-left + 0.2, y, name, **where)
+            axes.axhline(i + 0.5, color=chart.PAPER, linewidth=1.2)
+            _marks(axes, row, i)
+            for form, x in zip(forms, places, strict=True):
+                shade = color if form == PUBLISHED else chart.INK
+                axes.text(x, y, row.forms[form].words or "–", color=shade, ha="center", **where)
+            if row.curves:
+                _spark(axes, row, WIDTH + COLUMN * (len(forms) + 0.3), y)
+        _key(axes, forms)
+    return Chart(figure, alt)
 
 
-def strip_key() -> Scene:
-    """Draw what the marks of the strips mean, for a page."""
-    return chart.chart(key((0.0, 0.0), FORMS), "key of the marks", margin=0.05)
+def _spark(axes: Any, row: TaskRow, left: float, middle: float) -> None:
+    """Draw the learning curves of a task in a small plot without axes; places are in inches."""
+    height = 0.75 * LANE
+    place = (left, middle - height / 2, SPARK, height)
+    small = axes.inset_axes(place, transform=chart.inches(axes))
+    small.axis("off")
+    _learning_curves(small, row)
 
 
-def key(at: tuple[float, float], forms: Sequence[str]) -> Iterator[Item]:
-    """Yield what the marks of the strips mean."""
-    x, y = at
-    entries = ((PUBLISHED, "filled"), (RELABELLED, "hollow"), (FIXED, "tick"), ("one seed", "seed"))
-    for text, kind in entries:
-        if kind != "seed" and text not in forms:
-            continue
-        match kind:
-            case "tick":
-                yield Line(((x, y - 0.14), (x, y + 0.14)), color="muted", width=0.05)
-            case "seed":
-                yield Circle((x, y), 0.05, "ink", None, 0.25)
-            case _:
-                yield Circle((x, y), 0.1, "ink" if kind == "filled" else "paper", "ink")
-        yield from chart.words(text, (x + 0.2, y), chart.SMALL, "start", "muted")
-        x += 0.75 + chart.breadth(text, chart.SMALL)
+def _key(axes: Any, forms: Sequence[str]) -> None:
+    """Say below the strips what their marks mean."""
+    lines = [
+        (PUBLISHED, {"marker": "o", "markersize": 6}),
+        (RELABELLED, {"marker": "o", "markersize": 6, "markerfacecolor": chart.PAPER}),
+        (FIXED, {"marker": "|", "markersize": 9, "markeredgewidth": 1.5}),
+        ("one seed", {"marker": "o", "markersize": 3, "markeredgewidth": 0, "alpha": 0.4}),
+    ]
+    for label, look in lines:
+        if label in (*forms, "one seed"):
+            axes.plot([], [], linestyle="none", color=chart.INK, label=label, **look)
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(0, 0), ncols=len(lines), fontsize=7, labelcolor=chart.MUTED, handletextpad=0.2,
+        borderaxespad=0.4, handlelength=1.2,
+    )  # fmt: skip
 
 
 # -- several learners
 
 
-def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Scene]]:
+def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Chart]]:
     """Yield charts of several learners by the stems of their files: `table`, and strips `task-NAME` and `learner-NAME`."""
     found = matrix(exams)
     yield "table", table(found)
     for j, task in enumerate(found.tasks):
         known = [(name, row[j].row) for name, row in zip(found.learners, found.cells, strict=True)]
         named = [(name, row) for name, row in known if row is not None]
-        yield _stem(f"task-{task}"), chart.chart([*_lines([(task, "ink", True)]), *strips(named)], f"Scores on {task}")
+        yield _stem(f"task-{task}"), _strips(named, [(task, chart.INK, "bold")], f"Scores on {task}")
     for name, exam in exams.items():
         yield _stem(f"learner-{name}"), picture(card(exam))
 
@@ -243,36 +253,38 @@ def _stem(name: str) -> str:
     return safe_name(re.sub(r"[^\w.=-]+", "-", name).strip("-"))
 
 
-def table(found: LearnerMatrix) -> Scene:
+def table(found: LearnerMatrix) -> Chart:
     """Draw a matrix of learners and tasks: mean scores as published, the diagnosis in words, and the verdict as the colour."""
-    width = 2.25
-    height = 1.05
-    items: list[Item] = []
-    for j, task in enumerate(found.tasks):
-        lines = _headed(task)
-        items += chart.words(lines, (width * (j + 0.5), -0.28 - 0.16 * lines.count("\n")))
-    for i, (name, cells) in enumerate(zip(found.learners, found.cells, strict=True)):
-        items += chart.words(name, (-0.2, height * (i + 0.5)), anchor="end")
-        for j, cell in enumerate(cells):
-            items += _cell((width * j, height * i), (width, height), cell.score, cell.word, TINTS[cell.grade])
-    return chart.chart(items, f"Mean scores of {len(found.learners)} learners on {len(found.tasks)} tasks")
+    width, height = CELL
+    across = len(found.tasks)
+    down = len(found.learners)
+    with chart.style():
+        figure = chart.figure(width * across, height * down)
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_xlim(0, across)
+        axes.set_ylim(down, 0)
+        axes.xaxis.tick_top()
+        axes.set_xticks([j + 0.5 for j in range(across)], map(_headed, found.tasks))
+        axes.set_yticks([i + 0.5 for i in range(down)], found.learners)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        for i, cells in enumerate(found.cells):
+            for j, cell in enumerate(cells):
+                axes.fill_between([j, j + 1], i, i + 1, facecolor=TINTS[cell.grade], edgecolor=chart.PAPER)
+                where = {"x": j + 0.5, "ha": "center"}
+                if not cell.word:
+                    axes.text(y=i + 0.5, s=cell.score or "·", va="center", **where)
+                    continue
+                axes.text(y=i + 0.45, s=cell.score, va="bottom", weight="bold", **where)
+                axes.text(y=i + 0.5, s="\n".join(textwrap.wrap(cell.word, 16)), va="top", fontsize=6, **where)
+    return Chart(figure, f"Mean scores of {down} learners on {across} tasks")
 
 
 def _headed(task: str) -> str:
     """Return a name in lines that are short enough for a column."""
-    name, *values = task.split(", ")
-    if len(name) > 13:
-        name = re.sub(r"(?<=[a-z])(?=[A-Z][a-z]*$)", "\n", name)
-    return "\n".join([name, *values])
-
-
-def _cell(corner: tuple[float, float], size: tuple[float, float], score: str, word: str, tint: Hex) -> Iterator[Item]:
-    yield Box(corner, *size, tint, "paper")
-    x = corner[0] + size[0] / 2
-    y = corner[1] + size[1] / 2
-    if not word:
-        yield from chart.words(score or "·", (x, y), color=Hex("#1f2933"))
-        return
-    lines = "\n".join(textwrap.wrap(word, 14))
-    yield from chart.words(score, (x, y - 0.14 * (1 + lines.count("\n"))), color=Hex("#1f2933"), bold=True)
-    yield from chart.words(lines, (x, y + 0.2), 0.2, color=Hex("#1f2933"))
+    lines = [""]
+    for part in re.split(r"(?<=[a-z])(?=[A-Z])|(?<=, )", task):
+        if len(lines[-1]) + len(part) > LONGEST:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(line.strip() for line in lines if line)

@@ -127,7 +127,9 @@ class TaskRow:
 
     @property
     def sign(self) -> str:
-        """The sign of the grade, or of a run that failed."""
+        """The sign of the grade, or of a run that failed; a dash where the learner is not for the task."""
+        if self.printed.cannot:
+            return "–"
         return SIGNS[self.grade or "fails"]
 
     @property

@@ -5,68 +5,93 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from taskspec.base.display import number
 from taskspec.language.task.schema.experiments import Experiment
 from taskspec.learn.experiments.sweeping import Measured
-from taskspec.show.figures import chart, save
-from taskspec.show.figures.chart import Axes, LegendEntry, Scale
-from taskspec.show.figures.shapes import Box, Dash, Hex, Item, Scene, shifted
+from taskspec.show.figures import chart
+from taskspec.show.figures.chart import Chart
 
-FORMATS = ("svg", "png", "pdf")
-WIDTH = 6.6
-HEIGHT = 4.8
-"""Of the axes of a panel, in centimetres."""
-APART = 1.0
+WIDTH = 3.2
+HEIGHT = 2.6
+"""Of a panel, in inches."""
 ACROSS = 3
 """Panels side by side."""
-LINES: dict[str, tuple[Hex, Dash, str]] = {
-    "optimal": (chart.GREEN, "solid", "optimal"), "expert": (chart.BLUE, "dashed", "expert"),
-    "random": (chart.VERMILION, "dashdot", "random actions"), "worst": (Hex("#000000"), "dotted", "worst"),
+LINES: dict[str, tuple[str, str, str]] = {
+    "optimal": (chart.GREEN, "-", "optimal"), "expert": (chart.BLUE, "--", "expert"),
+    "random": (chart.VERMILION, "-.", "random actions"), "worst": (chart.INK, ":", "worst"),
 }  # fmt: skip
 """Colour, dashes and words for returns from theory."""
-OTHERS = (chart.PURPLE, chart.ORANGE, chart.SKY, chart.YELLOW)
+OTHERS = (
+    (chart.BLUE, "-"), (chart.VERMILION, "--"), (chart.GREEN, "-."), (chart.PURPLE, "-"), (chart.ORANGE, "--"), (chart.INK, ":"),
+)  # fmt: skip
+"""Colours and dashes of learners and measures."""
+MARKERS = "osD^v"
+"""Of policies that are rolled out."""
 SHOWN = ("optimal", "expert", "random")
 MAPPED = ("optimal", "random")
 MOST_NUMBERS = 60
 """Cells of a heat map that have their numbers in them."""
-NUMBER = 0.21
-"""The size of their letters."""
+MOST_MARKED = 30
+"""Points of a curve that have marks."""
+MOST_TICKS = 12
+"""Values of a parameter that have ticks."""
+MARGIN = 0.6
+"""Room for numbers beside a panel, in inches."""
 
 
 def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners: tuple[str, ...] = ()) -> None:
     """Write an SVG, PNG or PDF file; the same rows give the same bytes.
 
     Args:
+        experiment: the experiment.
+        rows: its results.
+        path: the file.
         learners: whose scores are drawn, in place of returns.
+
+    Raises:
+        SpecError: E705 without matplotlib; E716 for a file that cannot be written.
     """
-    save(figure(experiment, rows, learners), path)
+    chart.save(figure(experiment, rows, learners), path)
 
 
-def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Scene:
-    """Return the picture, without instances that have no results."""
+def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Chart:
+    """Return the picture, without instances that have no results; arguments are those of `draw`."""
     if learners:
         logs = [name for name in experiment.plot.log if name != "value"]
         plot = experiment.plot.model_copy(update={"show": list(learners), "log": logs})
         experiment = experiment.model_copy(update={"plot": plot})
     panels = _panels(experiment, [row for row in rows if row.error is None], bool(learners))
-    drawn = [chart.chart(_panel(panel, experiment), panel.title) for panel in panels]
-    items: list[Item] = []
-    widths = [max(scene.width for scene in drawn[i::ACROSS]) for i in range(min(ACROSS, len(drawn)))]
-    top = 0.9
-    for start in range(0, len(drawn), ACROSS):
-        line = drawn[start : start + ACROSS]
-        for i, scene in enumerate(line):
-            left = sum(widths[:i]) + APART * i
-            items += [shifted(item, left, top) for item in scene.items]
-        top += max(scene.height for scene in line) + APART
     title = experiment.title or experiment.name
-    middle = (sum(widths) + APART * (len(widths) - 1)) / 2
-    items += chart.words(title, (middle, 0.3), 0.34)
-    return chart.chart(items, f"{title}: {', '.join(panel.title for panel in panels)}")
+    across = max(1, min(ACROSS, len(panels)))
+    down = math.ceil(len(panels) / across)
+    with chart.style():
+        drawn = chart.figure(WIDTH * across, HEIGHT * max(1, down) + 0.4, layout="constrained")
+        drawn.suptitle(title)
+        for i, panel in enumerate(panels):
+            axes = drawn.add_subplot(down, across, i + 1)
+            axes.set_title(panel.title)
+            if panel.y is None:
+                _curves(axes, panel, experiment)
+            else:
+                _map(axes, panel, panel.y)
+        _legend(drawn, 2 * across)
+    return Chart(drawn, f"{title}: {', '.join(panel.title for panel in panels)}")
+
+
+def _legend(figure: Any, columns: int) -> None:
+    """Name each kind of line once, below all panels."""
+    entries = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries[label] = handle
+    if entries:
+        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
 
 
 @dataclass(frozen=True)
@@ -120,15 +145,6 @@ def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[st
     return [({n: part[0].instance.varied[n] for n in names}, tuple(part)) for part in found.values()]
 
 
-def _panel(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
-    """Yield the title, the axes and the contents of a panel, from (0, 0)."""
-    yield from chart.words(panel.title, (WIDTH / 2, -0.4))
-    if panel.y is None:
-        yield from _curves(panel, experiment)
-    else:
-        yield from _map(panel, panel.y)
-
-
 # -- curves
 
 
@@ -136,46 +152,44 @@ def _panel(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
 class _Curve:
     """Values along the x axis, with the halves of their intervals."""
 
-    entry: LegendEntry
-    xs: Sequence[float]
-    values: Sequence[float]
-    halves: Sequence[float]
-
-    @property
-    def lows(self) -> list[float]:
-        return [value - half for value, half in zip(self.values, self.halves, strict=True)]
-
-    @property
-    def highs(self) -> list[float]:
-        return [value + half for value, half in zip(self.values, self.halves, strict=True)]
+    label: str
+    look: Mapping[str, Any]
+    xs: np.ndarray
+    values: np.ndarray
+    halves: np.ndarray
 
 
-def _curves(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
-    """Yield exact returns as lines, estimates as bands around them, and rollouts as marks with 95 % intervals."""
+def _curves(axes: Any, panel: _Panel, experiment: Experiment) -> None:
+    """Draw exact returns as lines, estimates as bands around them, and rollouts as marks with 95 % intervals."""
     rows = panel.rows
     if panel.x is not None:
         x = panel.x
         rows = tuple(sorted(rows, key=lambda row: _key(row.instance.varied[x])))
     xs, labels = _positions(rows, panel.x)
-    theory = list(_theory(panel, rows, xs))
-    rollouts = list(_rollouts(rows, xs))
-    found = [*theory, *rollouts]
-    ends = [y for curve in found for y in (*curve.lows, *curve.highs)]
-    quantity = "return" if set(panel.show) <= set(LINES) else ""
+    is_log = "value" in experiment.plot.log
+    if is_log:
+        axes.set_yscale("log", nonpositive="clip")
+    has_log_x = labels is None and min(xs) > 0 and (panel.x in experiment.plot.log or _is_geometric(xs))
+    if has_log_x:
+        axes.set_xscale("log")
+    for curve in _theory(panel, rows, xs):
+        _line(axes, curve, is_log)
+    for curve in _rollouts(rows, xs):
+        axes.errorbar(curve.xs, curve.values, yerr=curve.halves, label=curve.label, **curve.look)
+    axes.grid(True)
+    axes.margins(0.05)
+    axes.set_xlabel(panel.x or "")
     if panel.scored:
-        quantity = "score: random 0, expert 1"
-    y_axis = chart.axis(ends, quantity, log="value" in experiment.plot.log)
-    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, _x_axis(panel, experiment, xs, labels), y_axis)
-    yield from chart.frame(plot, grid=True)
-    for curve in theory:
-        yield from _line(plot, curve)
-    for curve in rollouts:
-        for x_value, y, low, high in zip(curve.xs, curve.values, curve.lows, curve.highs, strict=True):
-            yield from chart.error_bar(plot, x_value, low, high, curve.entry.color)
-            if curve.entry.shape is not None and plot.has(x_value, y):
-                yield chart.mark(plot.at(x_value, y), curve.entry.shape, curve.entry.color)
-    top = HEIGHT + chart.below_axis(plot.x) + (0.35 if plot.x.label else 0.1)
-    yield from chart.legend([curve.entry for curve in found], -0.6, top, WIDTH + 0.8)
+        axes.set_ylabel("score: random 0, expert 1")
+    elif set(panel.show) <= set(LINES):
+        axes.set_ylabel("return")
+    chart.numbers(axes.yaxis, is_log)
+    if labels is not None:
+        chart.labelled(axes, xs, labels, WIDTH - MARGIN, turns=True)
+    elif has_log_x or (all(float(x).is_integer() for x in xs) and len(xs) <= MOST_TICKS):
+        chart.labelled(axes, xs, list(map(number, xs)), WIDTH - MARGIN)
+    else:
+        chart.numbers(axes.xaxis)
 
 
 def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
@@ -184,52 +198,51 @@ def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Ite
         if name in LINES:
             color, dash, label = LINES[name]
         else:
-            color, dash, label = (next(spare), "solid", name)
-        values = [_number(row.values.get(name)) for row in rows]
-        halves = [_number(row.values.get(f"{name}_half")) for row in rows]
-        if not all(map(math.isnan, values)):
-            shape: chart.Shape | None = "circle" if len(xs) < 30 else None
-            known = [0.0 if math.isnan(half) else half for half in halves]
-            yield _Curve(LegendEntry(label, color, dash, shape, filled=True), xs, values, known)
+            color, dash = next(spare)
+            label = name
+        values = np.array([_number(row.values.get(name)) for row in rows])
+        halves = np.nan_to_num([_number(row.values.get(f"{name}_half")) for row in rows])
+        if not np.isnan(values).all():
+            yield _Curve(label, {"color": color, "linestyle": dash}, np.array(xs), values, halves)
 
 
-def _line(plot: Axes, curve: _Curve) -> Iterator[Item]:
-    """Yield a line, its marks, and a band, or an error bar if there is one point."""
-    color = curve.entry.color
-    if any(curve.halves) and len(curve.xs) > 1:
-        yield from chart.band(plot, curve.xs, curve.lows, curve.highs, color)
-    if any(curve.halves) and len(curve.xs) == 1:
-        yield from chart.error_bar(plot, curve.xs[0], curve.lows[0], curve.highs[0], color)
-    yield from chart.polyline(plot, curve.xs, curve.values, color, dash=curve.entry.dash or "solid")
-    for x, y in zip(curve.xs, curve.values, strict=True):
-        if curve.entry.shape is not None and plot.has(x, y):
-            yield chart.mark(plot.at(x, y), curve.entry.shape, color, size=0.06, filled=True)
+def _line(axes: Any, curve: _Curve, is_log: bool) -> None:
+    """Draw a line, its marks, and a band; with one point, an error bar."""
+    values = curve.values
+    if is_log:
+        values = np.where(values > 0, values, np.nan)
+    marker = ""
+    if len(values) < MOST_MARKED:
+        marker = "o"
+    axes.plot(curve.xs, values, marker=marker, label=curve.label, **curve.look)
+    if not curve.halves.any():
+        return
+    if len(values) == 1:
+        axes.errorbar(curve.xs, values, yerr=curve.halves, color=curve.look["color"], capsize=2)
+        return
+    low = values - curve.halves
+    axes.fill_between(
+        curve.xs,
+        low,
+        values + curve.halves,
+        where=~is_log | (low > 0),
+        color=curve.look["color"],
+        alpha=0.2,
+        linewidth=0,
+    )
 
 
 def _rollouts(rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
     names = dict.fromkeys(name for row in rows for name in row.policies)
-    for name, shape in zip(names, itertools.cycle(chart.SHAPES), strict=False):
-        found = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
-        means = [_number(each.get("mean")) for _, each in found]
-        halves = [_number(each.get("half")) for _, each in found]
-        color = LINES[name][0] if name in LINES else Hex("#444444")
-        yield _Curve(LegendEntry(f"{name}, rolled out", color, None, shape), [x for x, _ in found], means, halves)
-
-
-def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: Sequence[str] | None) -> Scale:
-    """Return the axis of the parameter, with a tick at each of its values if they are few."""
-    name = panel.x or ""
-    if labels is not None:
-        found = chart.axis(xs, name)
-        turned = 30.0 if max(map(len, labels), default=0) > 6 else 0.0
-        return replace(found, ticks=tuple(dict.fromkeys(zip(xs, labels, strict=True))), angle=turned)
-    at_values = tuple((x, number(x)) for x in dict.fromkeys(xs))
-    if min(xs) > 0 and (panel.x in experiment.plot.log or _is_geometric(xs)):
-        return replace(chart.axis(xs, name, log=True), ticks=at_values)
-    found = chart.axis(xs, name)
-    if all(float(x).is_integer() for x in xs) and len(xs) <= 12:
-        return replace(found, ticks=at_values)
-    return found
+    for name, marker in zip(names, itertools.cycle(MARKERS), strict=False):
+        known = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
+        means = np.array([_number(each.get("mean")) for _, each in known])
+        halves = np.nan_to_num([_number(each.get("half")) for _, each in known])
+        color = chart.MUTED
+        if name in LINES:
+            color = LINES[name][0]
+        look = {"color": color, "linestyle": "none", "marker": marker, "markerfacecolor": chart.PAPER, "capsize": 2}
+        yield _Curve(f"{name}, rolled out", look, np.array([x for x, _ in known]), means, halves)
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:
@@ -267,40 +280,21 @@ def _number(value: Any) -> float:
 # -- heat maps
 
 
-def _map(panel: _Panel, y_name: str) -> Iterator[Item]:
-    """Yield one number over two parameters as colours; it stands in each cell as well, if there is room."""
+def _map(axes: Any, panel: _Panel, y_name: str) -> None:
+    """Draw one number over two parameters as colours; it stands in each cell as well, if there is room."""
     assert panel.x is not None
     across = _sorted(panel.rows, panel.x)
     up = _sorted(panel.rows, y_name)
-    cells: dict[tuple[str, str], float] = {}
+    cells = np.full((len(up), len(across)), math.nan)
     for row in panel.rows:
-        place = (str(row.instance.varied[panel.x]), str(row.instance.varied[y_name]))
-        cells[place] = _number(row.values.get(panel.show[0]))
-    known = [value for value in cells.values() if not math.isnan(value)] or [0.0]
-    is_log = min(known) > 0 and max(known) > 100 * min(known)
-    scale = chart.axis(known, log=is_log, margin=0.0)
-    width = WIDTH / len(across)
-    height = HEIGHT / len(up)
-    for i, b in enumerate(up):
-        bottom = HEIGHT - i * height
-        yield from chart.words(b, (-0.2, bottom - height / 2), chart.SMALL, "end")
-        for j, a in enumerate(across):
-            value = cells.get((a, b), math.nan)
-            if math.isnan(value):
-                continue
-            color = chart.blend(chart.CIVIDIS, scale.share(value))
-            yield Box((j * width, bottom - height), width, height, chart.hexadecimal(color), None)
-            if len(across) * len(up) <= MOST_NUMBERS:
-                at = (j * width + width / 2, bottom - height / 2)
-                yield from chart.words(f"{value:.3g}".replace("-", "−"), at, NUMBER, color=chart.ink(color))
-    yield Box((0.0, 0.0), WIDTH, HEIGHT, None, chart.EDGE)
-    for j, a in enumerate(across):
-        yield from chart.words(a, ((j + 0.5) * width, HEIGHT + 0.3), chart.SMALL)
-    yield from chart.words(panel.x, (WIDTH / 2, HEIGHT + 0.7), chart.SMALL)
-    widest = max(chart.breadth(b, chart.SMALL) for b in up)
-    yield from chart.words(y_name, (-0.45 - widest, HEIGHT / 2), chart.SMALL, angle=90)
-    bar = Axes(WIDTH + 0.35, HEIGHT * 0.08, 0.3, HEIGHT * 0.84, Scale(0, 1), scale)
-    yield from chart.color_bar(bar, chart.CIVIDIS)
+        i = up.index(str(row.instance.varied[y_name]))
+        j = across.index(str(row.instance.varied[panel.x]))
+        cells[i, j] = _number(row.values.get(panel.show[0]))
+    chart.heat_map(axes, cells, has_numbers=cells.size <= MOST_NUMBERS)
+    chart.labelled(axes, [j + 0.5 for j in range(len(across))], across, WIDTH - 1.5 * MARGIN)
+    axes.set_yticks([i + 0.5 for i in range(len(up))], up)
+    axes.set_xlabel(panel.x)
+    axes.set_ylabel(y_name)
 
 
 def _sorted(rows: Sequence[Measured], name: str) -> list[str]:

@@ -1,334 +1,275 @@
-"""Charts as scenes: axes, ticks, lines, bands, marks and legends; lengths in centimetres."""
+"""Charts of results, through matplotlib: their colours, their style, and files or SVG for pages."""
 
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import Any
 
-from taskspec.base.display import number
-from taskspec.language.printers import tree as m
-from taskspec.show.figures import shapes as sc
+import numpy as np
 
-SMALL = 0.25
-FONT = 0.28  # sizes of letters
-EDGE = sc.Hex("#9aa3ad")
-GRID = sc.Hex("#e7eaed")
-RULE = sc.Hex("#4a545e")
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.display import ON_PAGES, number, visible
+from taskspec.base.extras import is_installed, need
+from taskspec.base.files import write_bytes
+
+INK = "#1f2933"
+MUTED = "#6b7785"
+FAINT = "#c3cad2"
+PAPER = "#ffffff"
 # Colours of Okabe and Ito, which people with any colour vision can tell apart.
-BLUE = sc.Hex("#0072B2")
-VERMILION = sc.Hex("#D55E00")
-GREEN = sc.Hex("#009E73")
-PURPLE = sc.Hex("#CC79A7")
-ORANGE = sc.Hex("#E69F00")
-SKY = sc.Hex("#56B4E9")
-YELLOW = sc.Hex("#F0E442")
-CIVIDIS = (
-    "#00204D", "#00336F", "#39486B", "#575C6D", "#707173", "#8A8779", "#A69D75", "#C4B56C", "#E4CF5B", "#FFEA46",
-)  # fmt: skip
-"""The colour map of Nuñez, Anderton and Renslow (2018), at equal distances."""
-Shape = Literal["circle", "square", "diamond", "up", "down"]
-SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
-CORNERS: dict[Shape, tuple[sc.Point, ...]] = {
-    "square": ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),
-    "diamond": ((0.0, -1.35), (1.35, 0.0), (0.0, 1.35), (-1.35, 0.0)),
-    "up": ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2)),
-    "down": ((0.0, 1.2), (1.2, -0.9), (-1.2, -0.9), (0.0, 1.2)),
+BLUE = "#0072b2"
+VERMILION = "#d55e00"
+GREEN = "#009e73"
+PURPLE = "#cc79a7"
+ORANGE = "#e69f00"
+# Verdicts, and backgrounds of scores.
+FAILS = "#b8400a"
+WORSE = "#f6ece6"
+BETWEEN = "#eef2f5"
+TINT_MASTERS = "#d3e6f4"
+TINT_UNSURE = "#e6e9ec"
+TINT_FAILS = "#f8d5c2"
+TINT_NONE = "#f6f6f4"
+VARIABLES = {
+    INK: "ink", MUTED: "muted", FAINT: "faint", PAPER: "paper", BLUE: "masters", FAILS: "fails-ink", WORSE: "worse",
+    BETWEEN: "between",
+}  # fmt: skip
+"""The CSS variables that have a colour's value on light and on dark paper."""
+FORMATS = ("svg", "png", "pdf")
+DPI = 200
+LETTER = 0.075
+"""The width of a letter of a tick label, in inches."""
+STYLE: dict[str, Any] = {
+    "svg.hashsalt": "taskspec", "svg.fonttype": "none", "pdf.fonttype": 42, "text.parse_math": False,
+    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans", "Verdana", "Helvetica", "Arial"], "font.size": 8,
+    "text.color": INK, "axes.titlesize": 9, "figure.titlesize": 10.5, "axes.labelcolor": INK, "axes.edgecolor": MUTED,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True, "axes.linewidth": 0.6,
+    "axes.unicode_minus": True, "xtick.color": MUTED, "ytick.color": MUTED, "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "grid.color": FAINT, "grid.alpha": 0.5,
+    "grid.linewidth": 0.5, "lines.linewidth": 1.4, "lines.markersize": 4, "legend.frameon": False,
+    "legend.handlelength": 2.5, "figure.facecolor": PAPER, "axes.facecolor": "none",
+}  # fmt: skip
+_METADATA: dict[str, dict[str, None]] = {
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+    "png": {"Software": None},
 }
-TICK = 0.1  # the length of a tick
-GAP = 0.15
-SHORT = 4  # characters
-SYMBOL = 0.3
-TICKS = 0.25  # of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers
-Rgb = tuple[int, int, int]
-
-
-def nice_ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Return multiples of 1, 2, 2.5 or 5 times a power of ten within a range, at most `most` of them if there are two."""
-    width = high - low
-    if not 0 < width < math.inf:
-        return [low]
-    unit = 10.0 ** math.floor(math.log10(width / most))
-    for step in (factor * unit for factor in (1, 2, 2.5, 5, 10, 20)):
-        first = math.ceil(low / step - 1e-9)
-        last = math.floor(high / step + 1e-9)
-        if last - first < most:
-            return [i * step for i in range(first, last + 1)]
-    return [low, high]
-
-
-def log_ticks(low: float, high: float) -> list[float]:
-    """Return powers of ten within a range of positive numbers, and their doubles and fives if there are few powers."""
-    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    factors = (1,) if len(exponents) > 3 else (1, 2, 5)
-    every = -(-len(exponents) // 7)
-    ticks = [factor * 10.0**e for e in exponents[::every] for factor in factors]
-    return [tick for tick in ticks if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)] or [low, high]
-
-
-def blend(colors: Sequence[str | Rgb], share: float) -> Rgb:
-    """Return the colour at `share` in [0, 1] of the way through colours at equal distances."""
-    stops = [bytes.fromhex(c[1:]) if isinstance(c, str) else c for c in colors]
-    place = min(max(share, 0.0), 1.0) * (len(stops) - 1)
-    i = min(int(place), len(stops) - 2)
-    red, green, blue = (round(a + (b - a) * (place - i)) for a, b in zip(stops[i], stops[i + 1], strict=True))
-    return red, green, blue
-
-
-def hexadecimal(color: Rgb) -> sc.Hex:
-    return sc.Hex("#{:02x}{:02x}{:02x}".format(*color))
-
-
-def ink(background: Rgb) -> sc.Hex:
-    """Return black or white, whichever has more contrast to a background, as defined by WCAG 2."""
-    shares = [c / 255 for c in background]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    return sc.Hex("#ffffff" if luminance < 0.1791 else "#000000")
 
 
 @dataclass(frozen=True)
-class Scale:
-    """A range of numbers, with ticks as (value, label)."""
+class Chart:
+    """A figure of matplotlib, and its description in words.
 
-    low: float
-    high: float
-    ticks: tuple[tuple[float, str], ...] = ()
-    label: str = ""
-    log: bool = False
-    angle: float = 0.0  # of the labels
+    `is_tight` charts are as large as their contents; others keep the size and the margins of the figure.
+    """
 
-    def share(self, value: float) -> float:
-        """Return how far a value is along the axis: 0 at `low`, 1 at `high`."""
-        if self.log:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / ((self.high - self.low) or 1.0)
+    figure: Any
+    alt: str
+    is_tight: bool = True
 
 
-def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Scale:
-    """Return an axis that has room for values, with ticks at round numbers."""
-    known = [v for v in values if math.isfinite(v) and (v > 0 or not log)] or [1.0]
-    low = min(known)
-    high = max(known)
-    if log:
-        factor = (high / low) ** margin if high > low else 2.0
-        low /= factor
-        high *= factor
-        ticks = log_ticks(low, high)
-    else:
-        if high > low:
-            room = (high - low) * margin
-        else:
-            room = max(abs(low) * margin, 0.5)
-        low -= room
-        high += room
-        ticks = nice_ticks(low, high, most)
-    return Scale(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
+def is_available() -> bool:
+    """Return whether charts can be drawn: matplotlib is installed."""
+    return is_installed("matplotlib")
 
 
-@dataclass(frozen=True)
-class Axes:
-    """A rectangle between two axes, by its upper left corner; y points upwards."""
-
-    left: float
-    top: float
-    width: float
-    height: float
-    x: Scale
-    y: Scale
-
-    @property
-    def right(self) -> float:
-        return self.left + self.width
-
-    @property
-    def bottom(self) -> float:
-        return self.top + self.height
-
-    def at(self, x: float, y: float) -> sc.Point:
-        """Return the place of a point in the scene."""
-        return self.left + self.width * self.x.share(x), self.bottom - self.height * self.y.share(y)
-
-    def has(self, x: float, y: float) -> bool:
-        """Return whether a point can be drawn: its coordinates are finite, and positive on logarithmic axes."""
-        return all(math.isfinite(v) and (v > 0 or not a.log) for v, a in ((x, self.x), (y, self.y)))
+def possible(formats: Iterable[str]) -> list[str]:
+    """Return formats that can be written: where matplotlib is missing, those that are no pictures."""
+    return [name for name in formats if name not in FORMATS or is_available()]
 
 
-def words(text: str, at: sc.Point, size: float = FONT, anchor: sc.Anchor = "middle", color: sc.Paint = "ink", angle: float = 0.0,
-          bold: bool = False) -> Iterator[sc.Label]:  # fmt: skip
-    """Yield a label for each line of a text, around a point."""
-    lines = text.split("\n")
-    sin = math.sin(math.radians(angle))
-    cos = math.cos(math.radians(angle))
-    for i, line in enumerate(lines):
-        down = 1.25 * size * (i - (len(lines) - 1) / 2)
-        place = (at[0] + down * sin, at[1] + down * cos)
-        yield sc.Label(place, m.Words(line), size, anchor, color, angle=angle, bold=bold)
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the style of all charts; letters that no font has are drawn as boxes, without a warning.
+
+    Raises:
+        SpecError: E705 without matplotlib.
+    """
+    with need("matplotlib", "figures", "a chart").rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+        yield
 
 
-def breadth(text: str, size: float = FONT) -> float:
-    return max(sc.BROAD * sc.text_width(m.Words(line), size) for line in text.split("\n"))
+def figure(width: float, height: float, layout: str | None = None) -> Any:
+    """Make an empty figure.
+
+    Args:
+        width: in inches.
+        height: in inches.
+        layout: of matplotlib, such as `constrained`.
+    """
+    return need("matplotlib.figure", "figures", "a chart").Figure(figsize=(width, height), layout=layout)
 
 
-def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[sc.Item]:
-    """Yield the axes below and on the left, with their ticks and labels, and lines at the ticks if there is a grid."""
-    for x, text in plot.x.ticks:
-        place = plot.left + plot.width * plot.x.share(x)
-        if grid:
-            yield sc.Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
-        yield sc.Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
-        below = plot.bottom + TICK + 0.2 + 0.6 * size * text.count("\n")
-        anchor: sc.Anchor = "end" if plot.x.angle else "middle"
-        yield from words(text, (place, below), size, anchor, angle=plot.x.angle)
-    for y, text in plot.y.ticks:
-        height = plot.bottom - plot.height * plot.y.share(y)
-        if grid:
-            yield sc.Line(((plot.left, height), (plot.right, height)), color=GRID, width=0.015)
-        yield sc.Line(((plot.left - TICK, height), (plot.left, height)), color=EDGE, width=0.02)
-        yield from words(text, (plot.left - TICK - 0.08, height), size, "end")
-    yield sc.Line(((plot.left, plot.top), (plot.left, plot.bottom), (plot.right, plot.bottom)), color=EDGE, width=0.02)
-    if plot.x.label:
-        yield from words(plot.x.label, (plot.left + plot.width / 2, plot.bottom + below_axis(plot.x, size) + 0.1), size)
-    if plot.y.label:
-        widest = max((breadth(text, size) for _, text in plot.y.ticks), default=0.0)
-        middle = (plot.left - TICK - widest - 0.3, plot.top + plot.height / 2)
-        yield from words(plot.y.label, middle, size, angle=90)
+def svg(chart: Chart, kind: str = "chart") -> str:
+    """Return a chart as SVG for a page, in the colours of its paper.
+
+    Args:
+        chart: the chart.
+        kind: its CSS class.
+    """
+    text = _drawn(chart, "svg", is_transparent=True).decode()
+    for color, variable in VARIABLES.items():
+        text = text.replace(color, f"var(--{variable}, {color})")
+    return re.sub(r'<g id="[^"]*"', "<g", text).replace("<svg", f'<svg class="{escape(kind)}"', 1)
 
 
-def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[sc.Item]:
-    """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
-    if plot.x.low < 0 < plot.x.high:
-        yield upright(plot, 0.0, "faint", "solid", 0.02)
-    if plot.y.low < 0 < plot.y.high:
-        yield level(plot, 0.0, "faint", "solid", 0.02)
-    left = plot.left - GAP
-    below = plot.bottom + GAP
-    yield sc.Line(((left, below), (plot.right + GAP, below)), arrow=True, color="muted", width=0.02)
-    yield sc.Line(((left, below), (left, plot.top - GAP)), arrow=True, color="muted", width=0.02)
-    ends = ((plot.right + GAP + 0.22, below), (left, plot.top - GAP - 0.25))
-    for symbol, place in zip(symbols, ends, strict=False):
-        yield sc.Label(place, symbol, SYMBOL)
-    for x in _round_ends(plot.x):
-        yield sc.Label((plot.at(x, plot.y.low)[0], below + 0.25), sc.signed(x), TICKS, color="muted")
-    for y in _round_ends(plot.y):
-        yield sc.Label((left - 0.1, plot.at(plot.x.low, y)[1]), sc.signed(y), TICKS, "end", color="muted")
+def save(chart: Chart, path: Path) -> Path:
+    """Write a chart on white paper; the same chart gives the same bytes.
+
+    Args:
+        chart: the chart.
+        path: ends in `.svg`, `.png` or `.pdf`.
+
+    Returns:
+        The path.
+
+    Raises:
+        SpecError: E726 for another ending; E716 for a file that cannot be written.
+    """
+    kind = path.suffix[1:]
+    if kind not in FORMATS:
+        raise spec_error("E726", f"'{path.suffix}' is not a format of charts", f"use {', '.join(FORMATS)}")
+    write_bytes(path, _drawn(chart, kind))
+    return path
 
 
-def _round_ends(axis: Scale) -> list[float]:
-    """Return the ends of an axis if they are short to write, else round numbers near them."""
-    ends = [axis.low, axis.high]
-    if max(len(f"{end:.6g}") for end in ends) <= SHORT:
-        return ends
-    ticks = nice_ticks(axis.low, axis.high)
-    return [ticks[0], ticks[-1]]
+def _drawn(chart: Chart, kind: str, is_transparent: bool = False) -> bytes:
+    picture = BytesIO()
+    box = None
+    if chart.is_tight:
+        box = "tight"
+    with style():
+        chart.figure.savefig(
+            picture, format=kind, dpi=DPI, metadata=_METADATA[kind], bbox_inches=box, transparent=is_transparent
+        )
+    if kind == "svg":
+        return _described(picture.getvalue().decode(), chart.alt).encode()
+    return picture.getvalue()
 
 
-def below_axis(axis: Scale, size: float = SMALL) -> float:
-    """Return how far the tick labels of an axis reach below it."""
-    sin = math.sin(math.radians(axis.angle))
-    lines = max((text.count("\n") + 1 for _, text in axis.ticks), default=1)
-    longest = max((breadth(text, size) for _, text in axis.ticks), default=0.0)
-    return TICK + 0.2 + 1.25 * size * lines + longest * sin
+def _described(text: str, alt: str) -> str:
+    """Return matplotlib's SVG with a description, and without what changes other drawings of a page."""
+    text = text[text.index("<svg") :]
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"\s*<defs>\s*<style[^>]*>[^<]*</style>\s*</defs>", "", text, count=1)
+    text = re.sub(r"font-family: [^;]*; ", "", text)
+    text = re.sub(r"\n(?! *<)", " ", text)
+    head, _, body = text.partition(">")
+    fonts = ", ".join((*STYLE["font.sans-serif"], "sans-serif"))
+    about = f'role="img" stroke-linejoin="round" font-family="{fonts}"'
+    return visible(f"{head} {about}><title>{escape(alt)}</title>{body}", ON_PAGES)
 
 
-def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: sc.Paint, width: float = 0.05,
-             dash: sc.Dash = "solid", shade: float = 1.0) -> Iterator[sc.Line]:  # fmt: skip
-    """Yield a line through points, broken where one cannot be drawn."""
-    run: list[sc.Point] = []
-    for x, y in (*zip(xs, ys, strict=True), (math.nan, math.nan)):
-        if plot.has(x, y):
-            run.append(plot.at(x, y))
-            continue
-        if len(run) > 1:
-            yield sc.Line(tuple(run), color=color, width=width, dash=dash, shade=shade)
-        run = []
+# Axes.
 
 
-def level(plot: Axes, y: float, color: sc.Paint = RULE, dash: sc.Dash = "dashed", width: float = 0.03) -> sc.Line:
-    return sc.Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
+def inches(axes: Any) -> Any:
+    """Return the transform of places in inches from the lower left corner of axes."""
+    width, height = axes.get_window_extent().size / axes.figure.dpi
+    return need("matplotlib.transforms", "figures").Affine2D().scale(1 / width, 1 / height) + axes.transAxes
 
 
-def upright(plot: Axes, x: float, color: sc.Paint = RULE, dash: sc.Dash = "dashed", width: float = 0.03) -> sc.Line:
-    return sc.Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
+def numbers(axis: Any, is_log: bool = False, most: int = 6) -> None:
+    """Label an axis with round numbers, at most `most` of them on a linear axis.
+
+    Args:
+        axis: `xaxis` or `yaxis`.
+        is_log: whether its scale is logarithmic.
+        most: the number of intervals.
+    """
+    ticker = need("matplotlib.ticker", "figures")
+    locator = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10])
+    if is_log:
+        low, high = axis.get_view_interval()
+        factors = [1.0]
+        if high < 300 * low:
+            factors = [1.0, 2.0, 5.0]
+        locator = ticker.LogLocator(subs=factors, numticks=8)
+    axis.set_major_locator(locator)
+    axis.set_minor_locator(ticker.NullLocator())
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: number(value)))
 
 
-def band(
-    plot: Axes, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: sc.Paint
-) -> Iterator[sc.Area]:
-    """Yield the area between two curves, where both can be drawn."""
-    there = []
-    back = []
-    for x, low, high in zip(xs, lows, highs, strict=True):
-        if plot.has(x, low) and plot.has(x, high):
-            there.append(plot.at(x, high))
-            back.append(plot.at(x, low))
-    if len(there) > 1:
-        yield sc.Area((*there, *reversed(back)), color, shade=0.2)
+def labelled(axes: Any, places: Sequence[float], names: Sequence[str], width: float, turns: bool = False) -> None:
+    """Label the x axis at given places; names that would overlap the one before are left out.
+
+    Args:
+        axes: whose axis it is, its limits known.
+        places: values on the axis.
+        names: their labels.
+        width: of the axis, in inches.
+        turns: whether names turn where they are too long for a line.
+    """
+    ends = axes.xaxis.get_transform().transform(axes.get_xlim())
+    inches = (axes.xaxis.get_transform().transform(places) - ends[0]) * width / (ends[1] - ends[0])
+    turned = turns and LETTER * sum(map(len, set(names))) > width
+    kept: dict[float, str] = {}
+    reached = -math.inf
+    for inch, place, name in sorted(zip(inches, places, names, strict=True)):
+        half = LETTER * len(name) / 2
+        if turned:
+            half = LETTER
+        if inch - half > reached:
+            kept[place] = name
+            reached = inch + half + LETTER
+    axes.set_xticks(list(kept), list(kept.values()))
+    axes.xaxis.set_minor_locator(need("matplotlib.ticker", "figures").NullLocator())
+    if turned:
+        axes.tick_params(axis="x", labelrotation=30)
+        for label in axes.get_xticklabels():
+            label.set_horizontalalignment("right")
 
 
-def error_bar(plot: Axes, x: float, low: float, high: float, color: sc.Paint) -> Iterator[sc.Line]:
-    """Yield an interval as an upright line with caps; a part of it that a logarithmic axis lacks is cut off."""
-    low = max(low, plot.y.low)
-    if not (plot.has(x, low) and plot.has(x, high) and high > low):
+def heat_map(axes: Any, cells: np.ndarray, has_numbers: bool) -> None:
+    """Draw numbers as colours, from dark to bright, beside a bar of the colours; far apart, by their logarithms.
+
+    Args:
+        axes: where to draw.
+        cells: (rows, columns), from below; not a number where nothing is drawn.
+        has_numbers: whether cells have their numbers in them.
+    """
+    colors = need("matplotlib.colors", "figures")
+    known = cells[np.isfinite(cells)]
+    if not known.size:
+        known = np.zeros(1)
+    low = float(known.min())
+    high = float(known.max())
+    norm = colors.Normalize(low, high)
+    is_log = 0 < 100 * low < high
+    if is_log:
+        norm = colors.LogNorm(low, high)
+    palette = need("matplotlib").colormaps["cividis"].resampled(64)
+    mesh = axes.pcolormesh(np.ma.masked_invalid(cells), cmap=palette, norm=norm)
+    bar = axes.figure.colorbar(mesh, ax=axes, shrink=0.84, aspect=16)
+    bar.outline.set_visible(False)
+    bar.solids.set_edgecolor("face")
+    bar.solids.set_rasterized(False)
+    numbers(bar.ax.yaxis, is_log)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    if not has_numbers:
         return
-    place, bottom = plot.at(x, low)
-    _, top = plot.at(x, high)
-    yield sc.Line(((place, bottom), (place, top)), color=color)
-    for y in (bottom, top):
-        yield sc.Line(((place - 0.07, y), (place + 0.07, y)), color=color)
+    for (i, j), value in np.ndenumerate(cells):
+        if np.isfinite(value):
+            color = _readable(palette(norm(value)))
+            axes.text(
+                j + 0.5, i + 0.5, number(float(f"{value:.3g}")), ha="center", va="center", fontsize=6, color=color
+            )
 
 
-def mark(at: sc.Point, shape: Shape, color: sc.Paint, size: float = 0.075, filled: bool = False) -> sc.Circle | sc.Area:
-    fill: sc.Paint = color if filled else "paper"
-    if shape == "circle":
-        return sc.Circle(at, size, fill, color)
-    return sc.Area(tuple((at[0] + size * dx, at[1] + size * dy) for dx, dy in CORNERS[shape]), fill, color)
-
-
-def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[sc.Item]:
-    """Yield a bar of colours beside a heat map, with the ticks of the plot's y axis on its right."""
-    steps = 60
-    height = plot.height / steps
-    for i in range(steps):
-        color = hexadecimal(blend(colors, (i + 0.5) / steps))
-        yield sc.Box((plot.left, plot.bottom - (i + 1) * height), plot.width, height + 0.01, color, None)
-    for value, text in plot.y.ticks:
-        y = plot.bottom - plot.height * plot.y.share(value)
-        yield sc.Line(((plot.right, y), (plot.right + TICK, y)), color=EDGE, width=0.02)
-        yield from words(text, (plot.right + TICK + 0.08, y), SMALL, "start")
-
-
-@dataclass(frozen=True)
-class LegendEntry:
-    """A line of a legend: a stroke, a mark, or both."""
-
-    text: str
-    color: sc.Paint
-    dash: sc.Dash | None = "solid"
-    shape: Shape | None = None
-    filled: bool = False
-    width: float = 0.05
-
-
-def legend(
-    entries: Sequence[LegendEntry], left: float, top: float, room: float, size: float = SMALL
-) -> Iterator[sc.Item]:
-    """Yield entries in rows, each as long as there is room."""
-    x = left
-    y = top + size / 2
-    for entry in entries:
-        needed = 0.8 + breadth(entry.text, size) + 0.25
-        if x > left and x + needed > left + room:
-            x = left
-            y = y + 1.5 * size
-        if entry.dash is not None:
-            yield sc.Line(((x, y), (x + 0.65, y)), color=entry.color, width=entry.width, dash=entry.dash)
-        if entry.shape is not None:
-            yield mark((x + 0.325, y), entry.shape, entry.color, filled=entry.filled)
-        yield from words(entry.text, (x + 0.8, y), size, "start")
-        x += needed
-
-
-def chart(items: Iterable[sc.Item], alt: str, margin: float = 0.2) -> sc.Scene:
-    return replace(sc.fitted(items, alt, margin=margin), font="sans")
+def _readable(background: tuple[float, ...]) -> str:
+    """Return black or nearly white (which no paper replaces), whichever has more contrast, as defined by WCAG 2."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in background[:3]]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    if luminance < 0.1791:
+        return "#fafafa"
+    return "#000000"

@@ -21,9 +21,8 @@ from taskspec.language.printers.names import of_task
 from taskspec.language.task.parts import are_finite, by_name
 from taskspec.language.task.task import Task
 from taskspec.show.figures.board import central
-from taskspec.show.figures.chart import Axes, Scale, arrow_axes
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.shapes import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
+from taskspec.show.figures.shapes import ROLES, Box, Circle, Item, Label, Line, Point, Scene, fitted, sign, signed
 from taskspec.show.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, reads_of
 
 WIDTH = 5.0
@@ -41,6 +40,74 @@ SIGN = 0.26
 LINK = 1.2
 REACH = 6.0  # length of a link, and how far an arm may reach at most, in centimetres
 MOST_LINKS = 30
+GAP = 0.15
+TICKS = 0.25
+SYMBOL = 0.3
+"""Of axes: their distance from the plane, and the sizes of numbers and symbols, in centimetres."""
+SHORT = 4
+"""Letters of a number that is short."""
+MOST_TICKS = 6
+
+
+# Axes.
+
+
+@dataclass(frozen=True)
+class Axes:
+    """The plane of two numbers, `WIDTH` by `HEIGHT` centimetres from (0, 0); y points upwards. `x` and `y` are the ends."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def at(self, x: float, y: float) -> Point:
+        """Return the place of a point in the scene."""
+        return WIDTH * _share(x, self.x), HEIGHT - HEIGHT * _share(y, self.y)
+
+    def arrows(self, symbols: Sequence[m.Math]) -> Iterator[Item]:
+        """Yield axes as arrows with numbers near their ends, and fine lines through zero."""
+        if self.x[0] < 0 < self.x[1]:
+            yield Line((self.at(0.0, self.y[0]), self.at(0.0, self.y[1])), color="faint", width=0.02)
+        if self.y[0] < 0 < self.y[1]:
+            yield Line((self.at(self.x[0], 0.0), self.at(self.x[1], 0.0)), color="faint", width=0.02)
+        below = HEIGHT + GAP
+        yield Line(((-GAP, below), (WIDTH + GAP, below)), arrow=True, color="muted", width=0.02)
+        yield Line(((-GAP, below), (-GAP, -GAP)), arrow=True, color="muted", width=0.02)
+        ends = ((WIDTH + GAP + 0.22, below), (-GAP, -GAP - 0.25))
+        for symbol, place in zip(symbols, ends, strict=False):
+            yield Label(place, symbol, SYMBOL)
+        for x in _short_ends(self.x):
+            yield Label((self.at(x, self.y[0])[0], below + 0.25), signed(x), TICKS, color="muted")
+        for y in _short_ends(self.y):
+            yield Label((-GAP - 0.1, self.at(self.x[0], y)[1]), signed(y), TICKS, "end", color="muted")
+
+
+def _share(value: float, ends: tuple[float, float]) -> float:
+    return (value - ends[0]) / ((ends[1] - ends[0]) or 1.0)
+
+
+def _short_ends(ends: tuple[float, float]) -> Sequence[float]:
+    """Return the ends of an axis if they are short to write, else round numbers near them."""
+    if max(len(f"{end:.6g}") for end in ends) <= SHORT:
+        return ends
+    ticks = _round_numbers(*ends)
+    return (ticks[0], ticks[-1])
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Return multiples of 1, 2, 2.5 or 5 times a power of ten within a range, at most `MOST_TICKS` of them if there are two."""
+    width = high - low
+    if not 0 < width < math.inf:
+        return [low]
+    unit = 10.0 ** math.floor(math.log10(width / MOST_TICKS))
+    for step in (factor * unit for factor in (1, 2, 2.5, 5, 10, 20)):
+        first = math.ceil(low / step - 1e-9)
+        last = math.floor(high / step + 1e-9)
+        if last - first < MOST_TICKS:
+            return [i * step for i in range(first, last + 1)]
+    return [low, high]
+
+
+# Figures.
 
 
 def turn(task: Task, node: Node) -> float:
@@ -88,12 +155,12 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     ys = at_states(task, figure.curve, reads | {(Reading.STATE, place.name): xs}, SAMPLES)
     line = list(zip(xs.tolist(), ys.tolist(), strict=True))
     heights = [y for _, y in (*line, *path, *dots)]
-    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, Scale(float(xs[0]), float(xs[-1])), Scale(min(heights), max(heights)))
+    plot = Axes((float(xs[0]), float(xs[-1])), (min(heights), max(heights)))
     names = of_task(task)
     symbols: list[m.Math] = [names.symbol(place.name), m.Ident("y")]
     if isinstance(level, Read):
         symbols[1] = names.symbol(level.name)
-    items: list[Item] = [*arrow_axes(plot, symbols)]
+    items: list[Item] = [*plot.arrows(symbols)]
     items.append(Line(tuple(starmap(plot.at, line)), color="accent", width=0.07))
     for run in runs(dots, [turn(task, node) for node in figure.at]):
         items.append(Line(tuple(starmap(plot.at, dots[run])), color="second", width=0.03))
@@ -126,11 +193,11 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     places = np.array([[float(state[c.name]) for c in pair] for state in path])
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
-    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, Scale(*ends[0]), Scale(*ends[1]))
+    plot = Axes(*ends)
     plane = _Plane(task, [c.name for c in pair], plot, path[0])
     dots = list(starmap(plot.at, np.clip(places, *np.transpose(ends)).tolist()))
     names = of_task(task)
-    items: list[Item] = [*plane.shades(), *arrow_axes(plot, [names.symbol(c.name) for c in pair]), *plane.flow()]
+    items: list[Item] = [*plane.shades(), *plot.arrows([names.symbol(c.name) for c in pair]), *plane.flow()]
     for run in runs(places.tolist(), [turn(task, node) for node in at]):
         items.append(Line(tuple(dots[run]), color="accent", width=0.05))
     items.append(Circle(dots[0], 0.09, "ink", None))
@@ -159,8 +226,7 @@ class _Plane:
         """Return points (rows * columns, 2) with a margin of `edge` times their distance, row by row, and states there."""
         shares = [np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in (columns, rows)]
         x, y = (
-            axis.low + (axis.high - axis.low) * share
-            for axis, share in zip((self.plot.x, self.plot.y), shares, strict=True)
+            low + (high - low) * share for (low, high), share in zip((self.plot.x, self.plot.y), shares, strict=True)
         )
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
@@ -233,7 +299,7 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
     joint = min(0.11, 0.3 * link)
     items: list[Item] = [
         Circle((0.0, 0.0), reach, None, "faint"),
-        Line(((0.0, 0.0), (0.0, reach)), color="faint", dash="dashed"),
+        Line(((0.0, 0.0), (0.0, reach)), color="faint", is_dashed=True),
         Line(tuple(points), color="accent", width=1.45 * joint),
         *(Circle(p, joint, "paper") for p in points[:-1]),
         Circle(points[-1], joint, "ink"),

@@ -15,14 +15,12 @@ from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.text import plain
-from taskspec.show.figures.shapes import Area, Box, Circle, Dash, Label, Line, Scene, head, hex_color, shaft
+from taskspec.show.figures.shapes import COLORS, Box, Circle, Label, Line, Scene, head, shaft
 
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
-_DASHES: dict[Dash, Any] = {
-    "solid": "solid", "dashed": (0, (3, 2)), "dotted": (0, (1, 2)), "dashdot": (0, (5, 2, 1, 2)),
-}  # fmt: skip
+DASHES = (0, (3, 2))
 TITLE = 0.2
 LINE = 0.4  # room for words above a frame and for each line of them, in centimetres
 LEAST_SCALE = 0.6
@@ -98,7 +96,6 @@ def _canvas(width: float, height: float) -> tuple[Any, Any]:
 
 
 def _draw(axes: Any, scene: Scene, scale: float) -> None:
-    fonts = FONTS if scene.font == "serif" else FONTS[1:]
     patches = need("matplotlib.patches", "figures")
     points = 72 / INCH * scale  # a centimetre in points
     for order, item in enumerate(scene.items):
@@ -108,30 +105,29 @@ def _draw(axes: Any, scene: Scene, scale: float) -> None:
             case Box(corner=(x, y), width=w, height=h, round=corner):
                 style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
                 axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
-            case Area(points=corners):
-                axes.add_patch(patches.Polygon(corners, zorder=order, **_paint(item)))
             case Line():
                 codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
                 path = need("matplotlib.path", "figures").Path(shaft(item), codes)
-                color = hex_color(item.color)
-                axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=color, zorder=order, alpha=item.shade,
-                                                 linewidth=item.width * points, linestyle=_DASHES[item.dash]))  # fmt: skip
+                stroke: dict[str, Any] = {"edgecolor": COLORS[item.color], "linewidth": item.width * points}
+                if item.is_dashed:
+                    stroke["linestyle"] = DASHES
+                axes.add_patch(patches.PathPatch(path, fill=False, zorder=order, **stroke))
                 if item.arrow:
-                    axes.add_patch(patches.Polygon(head(item), facecolor=color, edgecolor="none", zorder=order))
+                    tip = patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order)
+                    axes.add_patch(tip)
             case Label(at=(x, y), anchor=anchor):
                 side = {"start": "left", "middle": "center", "end": "right"}[anchor]
-                halo = {"facecolor": hex_color("paper"), "edgecolor": "none", "pad": 0.6} if item.halo else None
+                halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None
                 axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
-                          color=hex_color(item.color), zorder=order, family=fonts, math_fontfamily="cm", bbox=halo,
-                          rotation=item.angle, rotation_mode="anchor", weight="bold" if item.bold else "normal")  # fmt: skip
+                          color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm", bbox=halo)  # fmt: skip
             case _:
                 assert_never(item)
 
 
-def _paint(item: Circle | Box | Area) -> dict[str, Any]:
+def _paint(item: Circle | Box) -> dict[str, Any]:
     colors = need("matplotlib.colors", "figures")
-    face = "none" if item.fill is None else colors.to_rgba(hex_color(item.fill), item.shade)
-    edge = "none" if item.line is None else hex_color(item.line)
+    face = "none" if item.fill is None else colors.to_rgba(COLORS[item.fill], item.shade)
+    edge = "none" if item.line is None else COLORS[item.line]
     return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
 
 

@@ -19,9 +19,8 @@ from taskspec.language.printers.names import expression, of_task
 from taskspec.language.printers.pieces import indexed
 from taskspec.language.task.parts import Component
 from taskspec.language.task.task import Task
-from taskspec.show.figures.chart import GAP, SYMBOL, TICKS
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.plane import WIDTH, runs, turn
+from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, runs, turn
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.show.figures.states import STEPS, State, at_state, episode_path, figure_of
 

@@ -5,28 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NewType, assert_never
+from typing import Literal, assert_never
 
 from taskspec.base.display import number, small_fraction
 from taskspec.language.printers import tree as m
 
 BROAD = 1.15  # how much wider labels may be in the broadest of the fonts that figures are shown in
 Color = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
-Hex = NewType("Hex", str)  # A colour that is not a role, as `#0072b2`
-Paint = Color | Hex
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
-Dash = Literal["solid", "dashed", "dotted", "dashdot"]
 
-COLORS: dict[str, str] = {
+COLORS: dict[Color, str] = {
     "ink": "#1f2933", "muted": "#6b7785", "faint": "#c3cad2", "paper": "#ffffff", "good": "#b7e4bf", "bad": "#f3a6a0",
     "end": "#d5d9de", "accent": "#7aa7e0", "second": "#f2bd74",
 }  # fmt: skip
 """Colours of roles on light paper."""
-
-
-def hex_color(paint: Paint) -> str:
-    return COLORS.get(paint, paint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +28,8 @@ class Circle:
 
     centre: Point
     radius: float
-    fill: Paint | None = "paper"
-    line: Paint | None = "ink"
+    fill: Color | None = "paper"
+    line: Color | None = "ink"
     shade: float = 1.0  # opacity of the fill
     state: int | None = field(default=None, compare=False)
 
@@ -48,19 +41,11 @@ class Box:
     corner: Point
     width: float
     height: float
-    fill: Paint | None = "paper"
-    line: Paint | None = "ink"
+    fill: Color | None = "paper"
+    line: Color | None = "ink"
     round: float = 0.0
     shade: float = 1.0
     state: int | None = field(default=None, compare=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Area:
-    points: tuple[Point, ...]
-    fill: Paint | None = "paper"
-    line: Paint | None = None
-    shade: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +55,9 @@ class Line:
     points: tuple[Point, ...]
     arrow: bool = False
     curved: bool = False
-    color: Paint = "ink"
+    color: Color = "ink"
     width: float = 0.03
-    dash: Dash = "solid"
-    shade: float = 1.0  # opacity
+    is_dashed: bool = False
 
     def at(self, t: float) -> Point:
         """Return the point at t in [0, 1] on a curve, or between the ends of a line."""
@@ -85,19 +69,17 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """Words or mathematics centred on a height; `size` is that of the font in centimetres, `angle` turns it left (degrees)."""
+    """Words or mathematics centred on a height; `size` is that of the font in centimetres."""
 
     at: Point
     text: m.Math
     size: float = 0.36
     anchor: Anchor = "middle"
-    color: Paint = "ink"
+    color: Color = "ink"
     halo: bool = False
-    angle: float = 0.0
-    bold: bool = False
 
 
-Item = Circle | Box | Area | Line | Label
+Item = Circle | Box | Line | Label
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +87,7 @@ class Scene:
     """Items from back to front, inside a frame; `alt` describes them in words.
 
     `focus` is where the present state of a frame is, which stays in sight if there is no room for all. `drawn` has for each
-    part of an overlay a description of how it is drawn, in which `{0}` is the scale. Figures have a serif font, which
-    suits mathematics; charts have none.
+    part of an overlay a description of how it is drawn, in which `{0}` is the scale.
     """
 
     width: float
@@ -116,7 +97,6 @@ class Scene:
     notes: tuple[str, ...] = ()
     focus: Point | None = None
     drawn: Mapping[str, str] = field(default_factory=dict, compare=False)
-    font: Literal["serif", "sans"] = "serif"
 
     @property
     def caption(self) -> str:
@@ -163,18 +143,12 @@ def _extent(item: Item) -> tuple[float, float, float, float]:
             return x, y, x + w, y + h
         case Line(curved=True):
             return _around([item.at(i / 8) for i in range(9)])
-        case Line(points=points) | Area(points=points):
+        case Line(points=points):
             return _around(points)
-        case Label(at=(x, y), text=text, size=size, anchor=anchor, angle=angle):
+        case Label(at=(x, y), text=text, size=size, anchor=anchor):
             w = BROAD * text_width(text, size)
             left = {"start": 0.0, "middle": -w / 2, "end": -w}[anchor]
-            half = size * 0.7
-            if not angle:
-                return x + left, y - half, x + left + w, y + half
-            cos = math.cos(math.radians(angle))
-            sin = math.sin(math.radians(angle))
-            corners = ((left, -half), (left, half), (left + w, -half), (left + w, half))
-            return _around([(x + a * cos + b * sin, y - a * sin + b * cos) for a, b in corners])
+            return x + left, y - size * 0.7, x + left + w, y + size * 0.7
         case _:
             assert_never(item)
 
@@ -190,7 +164,7 @@ def shifted(item: Item, dx: float, dy: float) -> Item:
             return replace(item, centre=(x + dx, y + dy))
         case Box(corner=(x, y)):
             return replace(item, corner=(x + dx, y + dy))
-        case Line(points=points) | Area(points=points):
+        case Line(points=points):
             return replace(item, points=tuple((x + dx, y + dy) for x, y in points))
         case Label(at=(x, y)):
             return replace(item, at=(x + dx, y + dy))
@@ -231,7 +205,7 @@ def shaft(line: Line) -> tuple[Point, ...]:
 RADIUS = 0.31
 ROUND = 0.2
 
-SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
+SIGNS: dict[Color, tuple[tuple[Point, ...], ...]] = {
     "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
     "bad": (((-0.4, -0.4), (0.4, 0.4)), ((-0.4, 0.4), (0.4, -0.4))),
     "end": (((-0.35, -0.35), (0.35, -0.35), (0.35, 0.35), (-0.35, 0.35), (-0.35, -0.35)),),
@@ -272,7 +246,7 @@ def marked(item: Circle | Box, is_written: bool = False, corner: tuple[int, int]
         yield from sign(item.fill, (x, y), 0.8 * min(half, top))
 
 
-def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
+def sign(role: Color, at: Point, size: float) -> Iterator[Line]:
     for stroke in SIGNS[role]:
         yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)
 

@@ -12,29 +12,24 @@ from taskspec.language.printers.text import plain
 from taskspec.show.figures import shapes as sc
 
 SCALE = 38.0  # pixels in a centimetre
-_FONTS = {
-    "serif": "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif",
-    "sans": "'DejaVu Sans',Verdana,'Segoe UI',Helvetica,Arial,sans-serif",
-}
-_DASHES: dict[sc.Dash, tuple[float, ...]] = {
-    "solid": (), "dashed": (0.1, 0.08), "dotted": (0.03, 0.06), "dashdot": (0.14, 0.06, 0.03, 0.06),
-}  # fmt: skip
+_FONTS = "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif"
+DASHES = (0.1, 0.08)
 """Lengths of strokes and gaps in centimetres."""
 
 
-def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
+def svg(scene: sc.Scene, css: bool = False) -> str:
     """Return an SVG picture."""
     body = "".join(map(svg_item, scene.items))
     if not css:
-        body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{sc.hex_color("paper")}"/>{body}'
-    return svg_document(scene, body, kind)
+        body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{sc.COLORS["paper"]}"/>{body}'
+    return svg_document(scene, body)
 
 
-def svg_document(scene: sc.Scene, body: str, kind: str) -> str:
+def svg_document(scene: sc.Scene, body: str, kind: str = "figure") -> str:
     """Return elements as an SVG picture of the size of a scene, with its description."""
     width = _px(scene.width)
     height = _px(scene.height)
-    font = escape(_FONTS[scene.font])
+    font = escape(_FONTS)
     text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
         f'class="{kind}" style="--own:{width}px" font-family="{font}"><title>{escape(scene.alt)}</title>{body}</svg>'
@@ -58,8 +53,6 @@ def svg_item(item: sc.Item) -> str:
             rounded = f' rx="{_px(corner)}"' if corner else ""
             place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
             return f"<rect {place}{rounded}{_svg_paint(item)}/>"
-        case sc.Area(points=points):
-            return f'<polygon points="{" ".join(map(_svg_point, points))}"{_svg_paint(item)}/>'
         case sc.Line():
             return _svg_line(item)
         case sc.Label():
@@ -68,22 +61,16 @@ def svg_item(item: sc.Item) -> str:
             assert_never(item)
 
 
-def _class(part: str, paint: sc.Paint) -> str:
-    if paint.startswith("#"):
-        return ""
-    return f"{part}-{paint}"
-
-
-def _svg_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
-    classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
-    inside = "none" if item.fill is None else sc.hex_color(item.fill)
+def _svg_paint(item: sc.Circle | sc.Box) -> str:
+    classes = [f"{part}-{role}" for part, role in (("fill", item.fill), ("line", item.line)) if role is not None]
+    inside = "none" if item.fill is None else sc.COLORS[item.fill]
     faded = ""
     if item.fill and item.shade < 1:
         faded = f' fill-opacity="{item.shade:.2f}"'
     edge = ""
     if item.line:
-        edge = f' stroke="{sc.hex_color(item.line)}" stroke-width="{_px(0.032)}"'
-    if isinstance(item, sc.Area) or item.state is None:
+        edge = f' stroke="{sc.COLORS[item.line]}" stroke-width="{_px(0.032)}"'
+    if item.state is None:
         state = ""
     else:
         state = f' data-state="{item.state}"'
@@ -96,30 +83,24 @@ def _svg_line(line: sc.Line) -> str:
         path = f"M{first} C{' '.join(others)}"
     else:
         path = f"M{first} {' '.join(f'L{p}' for p in others)}"
-    dashes = " ".join(map(_px, _DASHES[line.dash]))
-    dash = f' stroke-dasharray="{dashes}"' if dashes else ""
-    faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
-    color = f'class="{_class("line", line.color)}" stroke="{sc.hex_color(line.color)}"'
-    out = (
-        f'<path d="{path}" fill="none" {color} stroke-width="{_px(line.width)}" stroke-linejoin="round"{dash}{faded}/>'
-    )
+    dash = ""
+    if line.is_dashed:
+        dash = f' stroke-dasharray="{" ".join(map(_px, DASHES))}"'
+    color = f'class="line-{line.color}" stroke="{sc.COLORS[line.color]}"'
+    out = f'<path d="{path}" fill="none" {color} stroke-width="{_px(line.width)}" stroke-linejoin="round"{dash}/>'
     if line.arrow:
         tip = " ".join(map(_svg_point, sc.head(line)))
-        out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{sc.hex_color(line.color)}"/>'
+        out += f'<polygon points="{tip}" class="fill-{line.color}" fill="{sc.COLORS[line.color]}"/>'
     return out
 
 
 def _label(label: sc.Label) -> str:
     x, y = label.at
-    fill = _class("fill", label.color)
-    halo = f' stroke="{sc.hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
+    fill = f"fill-{label.color}"
+    halo = f' stroke="{sc.COLORS["paper"]}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
     style = halo if label.halo else f' class="{fill}"'
-    turned = ""
-    if label.angle:
-        turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
-    weight = ' font-weight="bold"' * label.bold
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
-    return f'<text {place} fill="{sc.hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
+    return f'<text {place} fill="{sc.COLORS[label.color]}"{style}>{runs(label.text)}</text>'
 
 
 def runs(tree: m.Math) -> str:
@@ -171,53 +152,42 @@ def _tikz_item(item: sc.Item) -> str:
                 rounded = f", rounded corners={_cm(corner * 28)}pt"
             corners = f"{_tikz_point((x, y))} rectangle {_tikz_point((x + w, y + h))}"
             return rf"\path[{_tikz_paint(item)}{rounded}] {corners};"
-        case sc.Area(points=points):
-            return rf"\path[{_tikz_paint(item)}] {' -- '.join(map(_tikz_point, points))} -- cycle;"
         case sc.Line():
             return _tikz_line(item)
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" * item.halo
-            turned = f", rotate={item.angle:g}" if item.angle else ""
             size = r"\footnotesize" if item.size < 0.34 else r"\small"
-            options = f"anchor={anchor}, inner sep=1pt, text={_tikz_color(color)}, font={size}{halo}{turned}"
+            options = f"anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}"
             return rf"\node[{options}] at {_tikz_point(at)} {{${latex(text)}$}};"
         case _:
             assert_never(item)
 
 
-def _tikz_color(paint: sc.Paint) -> str:
-    """Return the name of a role's colour, or a colour by its parts."""
-    if not paint.startswith("#"):
-        return f"task{paint}"
-    red, green, blue = bytes.fromhex(paint[1:])
-    return f"{{rgb,255:red,{red};green,{green};blue,{blue}}}"
-
-
-def _tikz_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
+def _tikz_paint(item: sc.Circle | sc.Box) -> str:
     parts = []
     if item.fill:
         strength = ""
         if item.shade < 1:
             strength = f"!{round(100 * item.shade)}!taskpaper"
-        parts.append(f"fill={_tikz_color(item.fill)}{strength}")
+        parts.append(f"fill=task{item.fill}{strength}")
     if item.line:
-        parts.append(f"draw={_tikz_color(item.line)}")
+        parts.append(f"draw=task{item.line}")
     return ", ".join(parts)
 
 
 def _tikz_line(line: sc.Line) -> str:
     points = sc.shaft(line)
     dash = ""
-    if line.dash != "solid":
-        dash = f", {line.dash.replace('dashdot', 'dash dot')}"
+    if line.is_dashed:
+        dash = ", dashed"
     thick = f", line width={_cm(line.width * 23)}pt"
     if line.curved:
         a, b, c, d = points
         path = f"{_tikz_point(a)} .. controls {_tikz_point(b)} and {_tikz_point(c)} .. {_tikz_point(d)}"
     else:
         path = " -- ".join(map(_tikz_point, points))
-    out = rf"\draw[{_tikz_color(line.color)}{dash}{thick}] {path};"
+    out = rf"\draw[task{line.color}{dash}{thick}] {path};"
     if line.arrow:
-        out += rf" \fill[{_tikz_color(line.color)}] {' -- '.join(map(_tikz_point, sc.head(line)))} -- cycle;"
+        out += rf" \fill[task{line.color}] {' -- '.join(map(_tikz_point, sc.head(line)))} -- cycle;"
     return out

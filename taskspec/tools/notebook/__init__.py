@@ -13,9 +13,9 @@ from taskspec.base.display import decimal, html_table
 from taskspec.base.extras import need
 from taskspec.exact import Results
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.exam.card import card
+from taskspec.learn.exam.card import Card, card
 from taskspec.learn.exam.score_charts import picture
-from taskspec.show.figures import drawing, svg
+from taskspec.show.figures import chart, drawing
 from taskspec.show.pages import page
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def html(thing: Any) -> str:
         case Results():
             return "".join(_of_results(thing))
         case _:
-            return svg(picture(card(thing)))
+            return _of_exam(card(thing))
 
 
 def _of_task(task: Task) -> Iterator[str]:
@@ -81,6 +81,14 @@ def _of_results(results: Results) -> Iterator[str]:
     )
     if results.model is not None:
         yield from _figure(results.task, "values", "policy")
+
+
+def _of_exam(shown: Card) -> str:
+    """Return the card of an exam as a chart; without matplotlib, its scores as a table."""
+    if chart.is_available():
+        return chart.svg(picture(shown))
+    rows = [(row.name, row.printed.words, row.grade or "") for row in shown.rows]
+    return html_table(f"{shown.learner}: {shown.lead}", ("task", "score", "verdict"), rows)
 
 
 def _figure(task: Task, *overlays: str) -> Iterator[str]:

@@ -38,7 +38,7 @@ from taskspec.learn.experiments.experiment_file import RETURNS
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.picture import figure
 from taskspec.learn.experiments.sweeping import Measured, Questions, measure
-from taskspec.show.figures import scene, svg
+from taskspec.show.figures import chart, scene, svg
 from taskspec.show.pages import gather, page
 from taskspec.show.pages.facts import Facts, Setting, by_claim, lines
 from taskspec.show.pages.hypertext import HtmlWriter, article
@@ -220,7 +220,7 @@ def sweep(asked: Question) -> dict[str, Any]:
     about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
     numbers = [key + end for key in RETURNS for end in ("", "_half")]
     return {
-        "parameter": name, "chart": svg(figure(about, rows), css=True) if shown else None, "left": left,
+        "parameter": name, "chart": chart.svg(figure(about, rows)) if shown and chart.is_available() else None, "left": left,
         "rows": [{"value": row.instance.varied[name], "error": row.error, **{key: row.values.get(key) for key in numbers}}
                  for row in rows],
     }  # fmt: skip

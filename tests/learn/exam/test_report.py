@@ -14,18 +14,20 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.cli.console import console
 from taskspec.cli.report import print_exam
 from taskspec.exam import read
-from taskspec.language.printers.text import plain
 from taskspec.learn.exam import findings, report
 from taskspec.learn.exam import score_charts as pictures
 from taskspec.learn.exam import score_rows as told
 from taskspec.learn.exam.card import card, matrix
-from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
+from taskspec.show.figures import chart
+from taskspec.show.figures.chart import Chart
+from tests.shared.charts import assert_legible, texts
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
 
@@ -174,15 +176,24 @@ def test_the_page_stands_alone_and_shows_every_seed(results: dict[str, Any], tmp
     (path,) = report.write(results, tmp_path, ["html"])
     text = path.read_text(encoding="utf-8")
     page = Page(text)
-    assert page.loads == [] and not re.search(r"url\(|@import", text)
+    assert page.loads == [] and not re.search(r"url\((?!#)|@import", text)
     assert page.open == []
     assert page.counts["strip"] == 5 and page.counts["curves"] == 1
-    (curve,) = (pictures.curves(row) for row in told.rows(results) if row.curves)
-    assert sum(item.shade < 1 for item in curve.items if isinstance(item, Line)) == 14
+    (curve,) = (pictures.curves(row).figure for row in told.rows(results) if row.curves)
+    assert sum(line.get_alpha() is not None for line in curve.axes[0].lines) == 14
     words = [text for _, text in page.texts]
     assert "gail <im> & co" in words and "RiskyPath: differs from its <twins>" in words
     assert words.count("−1.70") == 2  # as published, and beside the mark of the strip; the sampled scores are the same
     assert "prefers-color-scheme: dark" in text and "width=device-width" in text
+
+
+def test_without_matplotlib_the_page_has_all_but_pictures(
+    results: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taskspec.show.figures.chart.is_available", lambda: False)
+    (path,) = report.write(results, tmp_path, chart.possible(["html", "svg"]))
+    text = path.read_text(encoding="utf-8")
+    assert "<svg" not in text and "−1.70" in text and "[figures]" in text
 
 
 # -- pictures and tables ----------------------------------------------------------------------------------------------
@@ -197,23 +208,29 @@ def test_pictures_are_written_and_the_same_each_time(results: dict[str, Any], tm
     assert imread(first[0]).shape[1] > 1500
 
 
-def labels(scene: Scene) -> list[str]:
-    return [plain(item.text) for item in scene.items if isinstance(item, Label)]
+def labels(drawn: Chart) -> list[str]:
+    return [text for text, _ in texts(drawn.figure)]
 
 
 def test_the_picture_has_every_seed_and_the_mean_of_the_data(results: dict[str, Any]) -> None:
-    drawn = pictures.picture(card(results))
+    figure = pictures.picture(card(results)).figure
     rows = card(results).rows
-    texts = labels(drawn)
+    shown = [text for text, _ in texts(figure)]
     for row in rows:
-        assert row.printed.words in texts and row.name in texts
-    seeds = [item for item in drawn.items if isinstance(item, Circle) and item.shade == 0.25]
-    assert len(seeds) == 1 + sum(len(row.printed.scores) for row in rows)  # one in the key
-    (at_random,) = (item.at[0] for item in drawn.items if isinstance(item, Label) and plain(item.text) == "random")
-    (at_expert,) = (item.points[0][0] for item in drawn.items if isinstance(item, Line) and item.points[0][0] > at_random
-                    and item.dash == "solid" and item.color == "muted" and item.width == 0.02)  # fmt: skip
-    scores = [(seed.centre[0] - at_random) / (at_expert - at_random) for seed in seeds[:-1]]
-    assert min(scores) == pytest.approx(-1)  # positions are clipped
+        assert row.printed.words in shown and row.name in shown
+    strips = figure.axes[0]
+    seeds = [
+        line.get_xdata()
+        for line in strips.lines
+        if line.get_marker() == "o" and line.get_alpha() and len(line.get_xdata())
+    ]
+    drawn = sorted(score for scores in seeds for score in scores)
+    assert drawn == pytest.approx(sorted(max(score, -1) for row in rows for score in row.printed.scores))
+
+
+def test_no_words_of_a_picture_overlap(results: dict[str, Any]) -> None:
+    for drawn in (pictures.picture(card(results)), pictures.table(matrix({"one": results, "two": results}))):
+        assert_legible(drawn.figure)
 
 
 def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
@@ -235,9 +252,9 @@ def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> Non
         "fails",
     ]
     assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade == ""
-    drawn = pictures.table(found)
-    fills = [item.fill for item in drawn.items if isinstance(item, Box)]
-    assert fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")] == pictures.TINTS["fails"]
+    fills = pictures.table(found).figure.axes[0].collections
+    filled = fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")].get_facecolor()
+    assert to_hex(filled[0]) == pictures.TINTS["fails"]
     page = report.page_of_several({"BC": exam({"Sort": 1.0}), "GAIL": gail})
     assert "survival pays" in page and "−3.00" in page
 

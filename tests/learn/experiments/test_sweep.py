@@ -16,10 +16,8 @@ from taskspec.base.jobs.running import Running
 from taskspec.base.jobs.store import Store
 from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.experiments import sweep
-from taskspec.language.printers.text import plain
 from taskspec.learn.experiments import picture
-from taskspec.show.figures import chart
-from taskspec.show.figures.shapes import Label, Line
+from tests.shared.charts import assert_legible
 from tests.shared.commands import Done
 
 NOISE = """
@@ -152,20 +150,16 @@ def test_mistakes_in_the_file_stop_the_sweep_before_it_begins(file: Path) -> Non
 
 def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path, tmp_path: Path) -> None:
     found = sweep(experiments.read(file), tmp_path / "s.sqlite", running=Running(2))
-    drawn = picture.figure(found.experiment, found.rows)
-    texts = [plain(item.text) for item in drawn.items if isinstance(item, Label)]
-    assert [text for text in texts if text.startswith("derail/")] == [
-        "derail/NoisyObs-v0",
-        "derail/Branching-v0: random",
-    ]
-    optimal = [
-        item for item in drawn.items if isinstance(item, Line) and item.color == chart.GREEN and len(item.points) == 3
-    ]
-    ((first, second, third),) = (item.points for item in optimal)
-    assert first[1] == second[1] == third[1]
-    assert second[0] - first[0] == pytest.approx(third[0] - second[0])  # 5, 50 and 500 on a logarithmic axis
-    numbers = [plain(item.text) for item in drawn.items if isinstance(item, Label) and item.size == picture.NUMBER]
+    figure = picture.figure(found.experiment, found.rows).figure
+    curves, heat_map, _ = figure.axes
+    titles = [axes.get_title() for axes in (curves, heat_map)]
+    assert titles == ["derail/NoisyObs-v0", "derail/Branching-v0: random"]
+    (optimal,) = (line for line in curves.lines if line.get_label() == "optimal")
+    assert optimal.get_xdata().tolist() == [5, 50, 500] and optimal.get_ydata().tolist() == [16, 16, 16]
+    assert curves.get_xscale() == "log"
+    numbers = [text.get_text() for text in heat_map.texts]
     assert numbers == [f"{b**-n:.3g}" for b in (2, 3) for n in (2, 4)]
+    assert_legible(figure)
 
 
 POLICY = """

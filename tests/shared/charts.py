@@ -1,0 +1,36 @@
+"""What a chart shows, as matplotlib lays it out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from taskspec.show.figures import chart
+
+
+def texts(figure: Any) -> Iterator[tuple[str, Any]]:
+    """The words that a figure shows, each with its box in pixels."""
+    from matplotlib.axis import Axis
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    with chart.style():
+        FigureCanvasAgg(figure).draw()
+        hidden = set()
+        for axis in figure.findobj(Axis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+            beyond = [tick for tick in ticks if not low - 1e-9 <= tick.get_loc() <= high + 1e-9 or not axis.axes.axison]
+            hidden |= {label for tick in beyond for label in (tick.label1, tick.label2)}
+        for text in figure.findobj(Text):
+            if text.get_text().strip() and text.get_visible() and text not in hidden:
+                yield text.get_text(), text.get_window_extent()
+
+
+def assert_legible(figure: Any) -> None:
+    """No words overlap others."""
+    words = list(texts(figure))
+    assert words
+    for i, (name, box) in enumerate(words):
+        for other, place in words[:i]:
+            assert not box.overlaps(place), f"'{name}' overlaps '{other}'"
