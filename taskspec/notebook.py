@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from taskspec.tools.notebook import explore as explore
+from taskspec.tools.notebook import html as html
 
 __all__ = ["explore"]
