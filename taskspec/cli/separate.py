@@ -8,23 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from taskspec.base.display import fixed, interval
-from taskspec.base.files import near, safe_name, write_text
+from taskspec.base.files import near, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json, write_output
+from taskspec.cli.console import console, line, misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.experiments import ExperimentFile
-    from taskspec.learn.experiments.cover import Covering
     from taskspec.learn.experiments.separate import Separation
 
 FAMILY = "families/tables"
 Learner = Annotated[
-    str | None,
+    str,
     Argument(
-        metavar="[A]", autocompletion=options.complete_learners, help="A learner, as [cyan]FILE.py:train[/] or by name."
+        metavar="A", autocompletion=options.complete_learners, help="A learner, as [cyan]FILE.py:train[/] or by name."
     ),
 ]
 Opponent = Annotated[
@@ -41,31 +38,17 @@ Family = Annotated[
         help="Tasks to search: an experiment, by its path or name, or a suite.",
     ),
 ]  # fmt: skip
-Zoo = Annotated[
-    Path | None,
-    Option(
-        "--cover", metavar="ZOO.yaml",
-        help="In place of A and B: a file of right learners and their mistakes, each of which a small set of tasks separates.",
-    ),
-]  # fmt: skip
-Output = Annotated[
-    Path | None,
-    Option(
-        "--output", "-o", metavar="FILE|FOLDER",
-        help="The spec, separates.yaml by default; with --cover a folder of specs, build/covers/ZOO by default.",
-    ),
-]  # fmt: skip
+Output = Annotated[Path, options.file_option("--output", "-o", help="The spec; separates.yaml by default.")]
 
 
 def separate(
-    first: Learner = None,
+    first: Learner,
     second: Opponent = None,
-    zoo: Zoo = None,
     family: Family = FAMILY,
     minutes: Annotated[float, Option("--minutes", help="Time that the search may take.")] = 3.0,
     steps: Annotated[int, Option("--steps", min=1, help="Environment steps of each training run.")] = 3000,
     seed: Annotated[int, options.seed_option("Seed of the search.")] = 0,
-    output: Output = None,
+    output: Output = Path("separates.yaml"),
     jobs: options.Jobs = None,
     json: options.Json = False,
 ) -> None:
@@ -73,82 +56,20 @@ def separate(
 
     Many instances of a family are tried, the best of them is tested on fresh seeds, shrunk while the difference holds, and
     tested on fresh seeds again. Ctrl-C ends the search, and keeps what was found.
-
-    With --cover, find the smallest set of tasks that separates every mistake of a zoo from its right version. The same command
-    goes on with a search that was stopped.
     """
     from taskspec.learn.experiments.races import contestant, family_of
+    from taskspec.learn.experiments.separate import Search
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
-    if (first is None) == (zoo is None):
-        raise misuse("give a learner, or a zoo of learners with --cover", "taskspec separate wrong.py:train")
     tasks = family_of(family)
-    if zoo is not None:
-        _cover(zoo, tasks, family, seed, steps, minutes, output, jobs, json)
-        return
-    from taskspec.learn.experiments.separate import Search
-
-    assert first is not None
     opponent = None if second is None else contestant(second)
     search = Search(
         tasks, contestant(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell
     )
     with progress("searching"):
         found = search.run()
-    _report(found, family, output or Path("separates.yaml"), json)
-
-
-def _cover(
-    zoo: Path, tasks: ExperimentFile, family: str, seed: int, steps: int, minutes: float, output: Path | None,
-    jobs: int | None, json: bool,
-) -> None:  # fmt: skip
-    """Search for the tasks that separate the mistakes of a zoo, print them, and write their specs."""
-    from taskspec.base.jobs.store import Store
-    from taskspec.learn.experiments.cover import CoverSearch, read_zoo
-
-    mistakes = read_zoo(zoo)
-    folder = output or Path("build/covers") / safe_name(zoo.stem)
-    with Store(folder / "races.sqlite") as store, progress("searching"):
-        found = CoverSearch(tasks, mistakes, store, seed, steps, minutes, jobs).run()
-    if json:
-        write_json(found.data())
-    else:
-        _print_cover(found, family, folder)
-
-
-def _print_cover(found: Covering, family: str, folder: Path) -> None:
-    """Print the scores of all learners on the tasks of the set, and write their specs."""
-    if not found.tasks:
-        say(f"No mistake is separated by {found.tried} tasks of {family}.")
-        return
-    titles = [f"task {i + 1}" for i in range(len(found.tasks))]
-    table = Columns("learner", *titles, right=range(1, len(titles) + 1), names=0)
-    right = {each.right.name for each in found.mistakes}
-    for name in found.learners:
-        cells: list[VisibleText] = []
-        for task in found.tasks:
-            mean = task.mean(name)
-            mark = "✗" if name in task.separated else " "
-            cells.append(
-                VisibleText("" if mean is None else f"{fixed(mean, 2)} {mark}", "bad" if mark == "✗" else "quiet")
-            )
-        table.add_row(VisibleText(name, "good" if name in right else ""), *cells)
-    out = console()
-    out.print(table)
-    for title, task in zip(titles, found.tasks, strict=True):
-        text = task.spec(title.title().replace(" ", ""))
-        place = task.instance.id
-        if text is not None:
-            path = folder / f"{title.replace(' ', '_')}.yaml"
-            write_text(path, text)
-            place = str(near(path))
-        out.print(line(f"{title}: {task.size}, ", (place, "quiet")))
-    say(f"✗ worse than the right version on fresh seeds; {found.tried} tasks of {family} tried")
-    if found.missing:
-        say(f"not separated: {', '.join(found.missing)}")
-    if not found.is_complete:
-        say("the search was stopped for lack of time; the same command goes on with it")
+    _report(found, family, output, json)
 
 
 def _report(found: Separation, family: str, output: Path, json: bool) -> None:

@@ -36,7 +36,6 @@ OTHER_FORMATS = {
     "experiment": ("an experiment", "`taskspec sweep {}` runs it"),
     "exam": ("an exam", "`taskspec check {}` checks it"),
     "findings": ("a list of findings", "`taskspec check {}` checks it"),
-    "zoo": ("a zoo of learners", "`taskspec separate --cover {}` takes it"),
 }
 """Documents that are no specs, by their first key: what they are, and what to do with one."""
 Shape = TypeVar("Shape", bound=BaseModel)

@@ -181,20 +181,6 @@ class Experiment(Strict):
     plot: Plot = Field(default_factory=Plot, description="What the picture shows.")
 
 
-class ZooEntry(Strict):
-    """A right learner, and versions of it with mistakes."""
-
-    right: str = Field(description="The right version: `FILE.py:train`, from the folder of this file, or a name.")
-    mistakes: Annotated[list[str], Field(min_length=1, description="Versions with a mistake each.")]
-
-
-class Zoo(Strict):
-    """Learners with mistakes, for which a small set of tasks is looked for that separates each from its right version."""
-
-    zoo: int = Field(description="The version of the format: 1.")
-    learners: Annotated[list[ZooEntry], Field(min_length=1, description="Right learners, each with its mistakes.")]
-
-
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
 
 _TASKS = "Tasks of the exam, by name, in the order of reports; all of the suite unless given."
