@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.files import near, write_bytes
+from taskspec.base.terminal import console
 from taskspec.cli import options
-from taskspec.cli.console import console, misuse, say, write_json, write_output
+from taskspec.cli.console import misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact.model.model import Model

@@ -10,8 +10,9 @@ from typer import Argument, Option
 from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, write_text
 from taskspec.base.limits import tell
+from taskspec.base.terminal import console, line
 from taskspec.cli import options
-from taskspec.cli.console import console, line, misuse, say, write_json, write_output
+from taskspec.cli.console import misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
