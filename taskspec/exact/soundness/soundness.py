@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
-from taskspec.base.display import plural
 from taskspec.base.limits import also, how_to_raise, limits, tell
 from taskspec.exact.model.extract import number_words, outside_domain
 from taskspec.exact.model.points import Method
@@ -228,7 +227,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 )
         except TooManyExpressions:
             untried = len(others) - number
-            found.append(_too_many(task, untried))
+            found.append(_too_many(task, len(others), untried))
             break
         except SpecError as error:
             for diagnostic in error.diagnostics:
@@ -245,12 +244,10 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     return Ranges(tuple(found), tuple(tried), untried)
 
 
-def _too_many(task: Task, untried: int) -> Diagnostic:
-    """Return the warning that some settings of a task are not checked, since they have too many expressions."""
+def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
     most = limits().expressions
-    message = (
-        f"{plural(untried, 'other setting')} not checked: all together have more than {most // SHARE:,} expressions"
-    )
+    together = f"all together have more than {most // SHARE:,} expressions"
+    message = f"{settings - untried} of {settings} other settings are checked: {together}"
     place = merge(task.source.document, task.source.variant).key_span(("parameters",))
     return Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most))
 
