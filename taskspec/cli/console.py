@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, hints_once, render
 from taskspec.base.display import visible, visible_json
 from taskspec.base.files import near, write_text
 from taskspec.base.terminal import colored, terminal_width
@@ -91,6 +91,6 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic], err: bool = True) -> No
     """Print problems; on a terminal in colour, and wrapped to its width."""
     color = colored(err)
     width = terminal_width(err)
-    text = "\n\n".join(render([each], color=color, width=width) for each in diagnostics)
+    text = "\n\n".join(render([each], color=color, width=width) for each in hints_once(diagnostics))
     if text:
         typer.echo(text, err=err, color=color)

@@ -21,6 +21,7 @@ from taskspec.exact.model.points import Method
 from taskspec.exact.model.space import Reads, domain, shown, words
 from taskspec.exact.soundness.phases import Check, Examination, Violation, entries, phases
 from taskspec.exact.soundness.places import SectionScope, narrow
+from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.check import TooManyExpressions
 from taskspec.language.expressions.ir import Role, reads
 from taskspec.language.modifiers import modify
@@ -45,12 +46,16 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
     """Report a violation: an error if episodes may reach it, a warning if that is unknown."""
     check = violation.check
     place: Placed | None = None
+    hint = _HINTS.get(check.code)
     if check.place is not None:
         place = check.place.place
     else:  # that of the smallest expression that gives the value
         for name, expr in entries(task, check.section):
             if name in (check.entry, None):
-                place = narrow(expr, SectionScope(task, check.section), violation.reads).place
+                part = narrow(expr, SectionScope(task, check.section), violation.reads)
+                place = part.place
+                if isinstance(part, s.Call) and part.function == "clip":
+                    hint = "`clip(x, low, high)` has the value first, then the bounds that it keeps to"
                 break
     message = f"{_where(violation, task)}{_what(violation)}"
     notes = []
@@ -68,7 +73,7 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
         return
     if violation.acting is False:
         notes.append("no episode takes an action in this state, but it is a declared state")
-    collector.add(check.code, place, message, _HINTS.get(check.code), notes)
+    collector.add(check.code, place, message, hint, notes)
 
 
 def _where(violation: Violation, task: Task) -> str:
