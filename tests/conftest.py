@@ -25,6 +25,16 @@ VECTORS = hasattr(gymnasium.vector, "AutoresetMode")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
+    parser.addoption("--first-cases", action="store_true", help="run one case of each test function")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave one case of each test function, where that is asked."""
+    if not config.getoption("--first-cases"):
+        return
+    first = {item.nodeid.partition("[")[0]: item for item in reversed(items)}
+    items[:] = [item for item in items if first[item.nodeid.partition("[")[0]] is item]
 
 
 def pytest_collection_finish() -> None:

@@ -10,8 +10,6 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact import check, scores
-from taskspec.show.pages import scene
 from tests.shared.walks import BASE, written
 
 EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'
@@ -107,27 +105,6 @@ def test_cost_is_refused_before_it_is_spent(case: str) -> None:
         written(**COSTLY[case])
     assert time.process_time() - start < 4  # a second, and room for a busy machine
     assert {d.code for d in caught.value.diagnostics} <= {"E314", "E114", "E102", "E408", "E214"}
-
-
-LONG = {
-    "finite": {"initial": " {s: 'UniformInt(0, 9)'}", "horizon": " 2147483646"},
-    "real": {"state": "\n  s: {type: real, low: 0, high: 9}", "dynamics": " {s': 9 - s}", "horizon": " 1000000"},
-    "endless": {"state": "\n  s: {type: real, low: 0, high: 9}", "dynamics": " {s': 9 - s}", "horizon": " none"},
-    "noisy": {"state": "\n  s: {type: bool, shape: [4, 4]}", "initial": " {s: 'Bernoulli(1/2, shape=[4, 4])'}",
-              "dynamics": " {s': 'Bernoulli(1/2, shape=[4, 4])'}", "reward": " s[0, 0]"},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", LONG)
-def test_returns_and_figures_that_cost_too_much_are_unknown(case: str) -> None:
-    start = time.process_time()
-    task = written(**LONG[case])
-    found = scores(task, episodes=20)
-    assert found.why_not_exact is not None
-    assert (found.random is None) == (case != "noisy")
-    scene(task)
-    assert not check(task).errors
-    assert time.process_time() - start < 15  # a few seconds, and room for a busy machine
 
 
 @pytest.mark.parametrize("name", ["table", "weights"])

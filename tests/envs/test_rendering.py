@@ -19,7 +19,6 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs import Environment, NotRunningError
 from taskspec.envs.window import Window
-from taskspec.show.figures import render_frame
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids
 
@@ -75,16 +74,6 @@ def test_pixels_of_the_present_state(name: str, options: dict[str, Any]) -> None
     frame = env.render()
     assert (frame.shape, frame.dtype) == ((480, 640, 3), np.uint8)
     assert frame.std() > 0
-
-
-def test_pixels_are_those_of_the_frame() -> None:
-    env = taskspec.make("RiskyPath", render_mode="rgb_array")
-    env.reset(seed=0)
-    first = env.render()
-    env.step(0)
-    title = "RiskyPath, step 1 of 5"
-    assert np.array_equal(env.render(), render_frame(env.task, env.state, title))
-    assert not np.array_equal(env.render(), first)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -34,7 +34,6 @@ from taskspec.language.expressions.types import (
     REAL,
     Interval,
     Kind,
-    NoElement,
     Range,
     Refused,
     Shape,
@@ -286,7 +285,7 @@ class Builder:
     def within(self, node: Node, low: float, high: float) -> Node:
         """Return an int moved to the nearest of low, ..., high, if it might be none of them; refused where there are none."""
         if low > high and node.type.size:
-            raise NoElement
+            raise Refused("a vector without elements has no index", "E315")
         least, most = self.certain(node)
         if least < low:
             node = self.apply("max2", node, self.scalar(int(low)))

@@ -16,16 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.extras import is_installed
 from taskspec.base.jobs.code_hash import code_hash
 from taskspec.base.jobs.engines import Workers
-from taskspec.base.jobs.running import Interrupted, Running, run
+from taskspec.base.jobs.running import Running, run
 from taskspec.base.jobs.store import Job, JobResult, Store
 from taskspec.base.limits import progress_listener
-from taskspec.cli.console import reported
 from tests.conftest import ROOT
 from tests.shared import jobs
 
@@ -278,22 +276,6 @@ def killed_three_times(folder: Path, seconds: float, *cluster: str, meanwhile: C
 
 def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     killed_three_times(tmp_path, 0.02, meanwhile=lambda number: None)
-
-
-def test_ctrl_c_keeps_what_is_done(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, log = tmp_path / "store", tmp_path / "log"
-    Store(path).close()
-    process = program(path, log, 200, 0.05)
-    wait_for(lambda: len(kept(path)) >= 10 or process.poll() is not None)
-    os.killpg(process.pid, signal.SIGINT)
-    status, out = finished(process)
-    rows = kept(path)
-    assert status == 130 and 10 <= len(rows) < 200
-    assert out.startswith(f"interrupted: {len(rows)} of 200 jobs are over and kept in ")
-    assert len(begun(log)) - len(rows) <= 2
-    with pytest.raises(typer.Exit) as end, reported():
-        raise Interrupted(out)
-    assert end.value.exit_code == 130 and capsys.readouterr().err.startswith("interrupted: ")
 
 
 def test_processes_end_with_the_one_that_they_work_for(tmp_path: Path) -> None:

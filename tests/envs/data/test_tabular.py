@@ -10,7 +10,6 @@ import pytest
 import taskspec
 from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import scores
-from tests.shared.commands import Done
 from tests.shared.specs import spec_file
 
 TASKS = [
@@ -108,8 +107,3 @@ def test_seals_and_ours_step_alike() -> None:
         exact += now @ found.R[:, policy[t]]
         now = now @ found.P[:, policy[t]]
     assert abs(np.mean(totals) - exact) < 4 * np.std(totals) / 20
-
-
-def test_the_command_line_says_where_data_comes_from(tmp_path: Path) -> None:
-    done = Done("demos", "InitShiftLearner", "-n", 4, "-o", tmp_path / "x.npz")
-    assert "InitShiftExpert" in done.out and "8 transitions of 4 episodes; the policy earns 2 (exact)" in done.out

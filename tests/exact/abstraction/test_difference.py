@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import subprocess
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,6 @@ from taskspec import load
 from taskspec.exact.abstraction.difference import TaskRelation, compare
 from taskspec.language import source
 from taskspec.language.task.build import build
-from tests.shared.commands import Done, spec
 from tests.verification.oracle.reference.model import Key, Model
 from tests.verification.oracle.reference.task import Task
 
@@ -318,29 +315,6 @@ def test_twins_of_finite_tasks_are_renamed(name: str) -> None:
     task = load(f"derail/{name}")
     found = compare(task, load(task.instance_id, modifiers=["permuted_actions=1"]))
     assert found.relation in ("renamed", "same task"), found.words
-
-
-def test_the_command_reads_files_ids_values_and_revisions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    spec(tmp_path, CORRIDOR, "c.yaml")
-    for command in (
-        ["init", "-q"],
-        ["add", "c.yaml"],
-        ["-c", "user.name=a", "-c", "user.email=a", "commit", "-qm", "a"],
-    ):
-        subprocess.run(["git", *command], check=True)
-    spec(tmp_path, CORRIDOR.replace("3/4", "1/2"), "c.yaml")
-    done = Done("diff", "git:HEAD:c.yaml", "c.yaml")
-    assert done.status == 1
-    assert "same optimal policy" in done.out and "the version in the id must rise" in done.out
-    assert "with probability 3/4" in done.out and "with probability 1/2" in done.out
-    found = Done("diff", "derail/Branching?L=5", "derail/Branching", "--json")
-    assert found.status == 1 and found.data["difference"]["t"] == 4
-    assert Done("diff", "derail/Branching", "derail/Branching?L=10").status == 0
-    wrong = {"git:c.yaml": "git:REV:PATH", "git:nothing:c.yaml": "git cannot show", "git:--help:c.yaml": "git:REV:PATH"}
-    for target, words in wrong.items():
-        done = Done("diff", target, "c.yaml")
-        assert done.status == 1 and words in done.err
 
 
 def test_legal_actions_are_part_of_a_task() -> None:

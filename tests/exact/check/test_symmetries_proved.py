@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +14,6 @@ from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_sym
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.show.pages.page import page
-from tests.cli.test_commands import Done
 from tests.exact.check.test_symmetries import task_of
 from tests.programs.test_trajectories import walk_together
 from tests.shared.invariants import broken
@@ -259,13 +255,3 @@ def test_mistakes_in_a_symmetry_have_a_code_and_a_place(symmetries: str, code: s
         spec(symmetries)
     assert [(d.code, message in d.message) for d in error.value.diagnostics] == [(code, True)], error.value
     assert error.value.diagnostics[0].span is not None
-
-
-def test_commands_tell_of_symmetries(tmp_path: Any) -> None:
-    path = tmp_path / "box.yaml"
-    path.write_text(BOX + "symmetries: {s: {doc: turned, action: {i: 2 - i}}, wrong: {observation: {w: 0}}}\n")
-    record = json.loads(Done("check", str(path), "--format", "json").out)["tasks"][0]
-    assert [(s["symmetry"], s["status"]) for s in record["symmetries"]] == [("s", "proved"), ("wrong", "false")]
-    assert "i ↦ 2 − i" in Done("show", str(path)).out
-    section = page(task_of("derail/ProcGoal-v0")).section("symmetries")
-    assert section is not None and len(section.lines) == 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import pickle
 from collections.abc import Sequence
 from fractions import Fraction
@@ -12,18 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.app import app
 from taskspec.data import demonstrations
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.exact.rollout.rollout import by_expert, simulate
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.show.pages.page import page
 from tests.shared.invariants import broken
 
 SEEN = "heard: heard"
@@ -112,24 +108,6 @@ def test_its_return_is_exact(observation: str) -> None:
     assert score(task, Expert(task)).value.value == pytest.approx(float(expected()), abs=1e-12)
 
 
-@pytest.mark.parametrize("observation", [SEEN, DRAWN])
-def test_it_acts_on_what_it_was_shown(observation: str) -> None:
-    task = tiger(observation)
-    expert, whole = Expert(task), task.remembering()
-    own = [episode(taskspec.make(task), expert, seed) for seed in range(60)]
-    assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
-    assert len(set(own)) > 2
-    env = taskspec.make(task)
-    following = [episode(env, expert, seed) for seed in (0, *[None] * 59)]
-    run = CliRunner().invoke(app, ["run", _written(task), "--policy", "expert", "--episodes", "60", "--json"])
-    assert json.loads(run.output)["returns"] == following
-
-
-def _written(task: Task) -> str:
-    Path("tiger.yaml").write_text(task.source.document.origin.text)
-    return "tiger.yaml"
-
-
 @pytest.fixture(autouse=True)
 def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -193,11 +171,6 @@ def test_examples_give_it_with_the_state() -> None:
     assert [d.code for d in wrong] == ["E611"]
     lacking = check(tiger(more="examples: [{state: {tiger: left}, expert: {a: right}}]")).errors
     assert [d.code for d in lacking] == ["E613"] and "'lead'" in lacking[0].message
-
-
-def test_pages_say_what_it_remembers() -> None:
-    found = " ".join(str(page(tiger())).split())
-    assert "lead" in found and "remembers" in found and "the balance" in found
 
 
 WRONG = {
@@ -334,17 +307,6 @@ def test_it_reads_what_it_sees_as_if_it_remembered_that(observation: str) -> Non
     assert (len(whole.state) == len(task.state) + 1) == (observation == SEEN)  # where nothing is drawn, it is no state
     assert demonstrations(task, episodes=60).returns().tolist() == own
     assert pickle.loads(pickle.dumps(task)).remembering() == whole
-
-
-def test_its_page_its_checks_and_its_examples_are_about_what_it_reads() -> None:
-    right = """examples:
-  - {state: {lead: 2, heard: right}, expert: {a: left}}
-  - {state: {lead: 2, heard: left}, expert: {a: listen}}
-"""
-    task = listening(SEEN, True, right)
-    assert not [d for d in check(task).diagnostics if d.code not in ("W507", "W518")]
-    found = str(page(task))
-    assert found.count("remembers") == 1 and "sound" in found[found.index("remembers") :]
 
 
 def test_without_a_memory_it_reads_the_state() -> None:

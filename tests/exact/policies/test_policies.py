@@ -6,7 +6,6 @@ The true values are worked out by hand: InitShift is a tree of two choices, Risk
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,11 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.data import demonstrations
 from taskspec.exact import Expert, normalised, score
-from taskspec.exact.scores.returns import Results, Return
+from taskspec.exact.scores.returns import Results
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from tests.shared.commands import Done
 
 RISKY = taskspec.load("RiskyPath")
 TREE = """
@@ -218,57 +215,6 @@ def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
     assert math.isnan(normalised(math.nan, 0.0, 2.0))
     with pytest.raises(SpecError, match=r"E713.*return number 2 of 2 is nan"):
         score("RiskyPath", returns=[1.0, math.nan])
-
-
-def test_returns_beyond_all_floats_have_no_mean(tmp_path: Path) -> None:
-    text = SUMS.replace("REWARD", "1e308 * b").replace("horizon: 1", "horizon: 9")
-    (tmp_path / "more.yaml").write_text(text, encoding="utf-8")
-    (line,) = (x for x in Done("solve", tmp_path / "more.yaml").out.splitlines() if "random" in x)
-    assert line.split() == ["random", "∞", "(1,000", "episodes)"]
-
-
-FILE = """
-import numpy as np
-
-
-def noisy(observation, rng):
-    return int(rng.random() < 0.3)
-
-
-class Alternating:
-    def predict(self, observation, state=None, episode_start=None):
-        steps = np.zeros(len(observation), int) if state is None else state
-        return steps % 2, steps + 1
-
-
-alternating = Alternating()
-"""
-
-
-def test_files_may_take_a_generator_or_predict_wherever_policies_are_taken(tmp_path: Path) -> None:
-    path = tmp_path / "model.py"
-    path.write_text(FILE, encoding="utf-8")
-    returns = Done("run", "RiskyPath", "--policy", f"{path}:noisy", "-n", 2000, "--json").data["returns"]
-    found = Return.estimated(returns)
-    low, high = found.interval(0.9999)
-    assert low <= risky_return(0.3) <= high
-    again = Done("run", "RiskyPath", "--policy", f"{path}:noisy", "-n", 2000, "--json").data["returns"]
-    assert returns == again
-    run = Done("run", "RiskyPath", "--policy", f"{path}:alternating", "-n", 2, "--json").data["returns"]
-    assert run == [3.0, 3.0]
-    assert demonstrations("RiskyPath", f"{path}:alternating", episodes=2).acts.tolist() == [0, 1, 0, 1, 0] * 2
-
-
-SUMS = """
-taskspec: 1
-name: Sums
-state: {b: {type: real, low: 0, high: 1}}
-action: {a: {type: int, low: 0, high: 1}}
-horizon: 1
-initial: {b: "Uniform(1/2, 1)"}
-dynamics: {b': "Uniform(1/2, 1)"}
-reward: REWARD
-"""
 
 
 @pytest.mark.parametrize(

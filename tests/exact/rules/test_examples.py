@@ -8,20 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.cli.app import app
-from taskspec.cli.check import examine
 from taskspec.exact import check, wrong_examples
-from taskspec.exact.check.file_checks import check_file
 from taskspec.language import source
 from taskspec.language.expressions.ir import draws
-from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.show import pages
 from tests.shared.specs import EVERY, tasks
 
 ROOT = Path(__file__).parents[3]
@@ -157,22 +151,6 @@ def test_the_note_says_for_which_parameters() -> None:
     assert (found.code, found.notes) == ("E611", ("for n = 1",))
 
 
-def test_a_variant_inherits_examples_and_replaces_them(tmp_path: Path) -> None:
-    example = {"state": {"s": 3}, "expert": {"a": "on"}}
-    variants = {
-        "same": {"horizon": 6},
-        "other": {"expert": {"a": "back", "b": True}},
-        "own": {"expert": {"a": "back", "b": True}, "examples": [{"state": {"s": 3}, "expert": {"a": "back"}}]},
-        "none": {"expert": {"a": "back", "b": True}, "examples": None},
-    }
-    path = tmp_path / "walk.yaml"
-    path.write_text(json.dumps(SPEC | {"examples": [example], "variants": variants}), encoding="utf-8")
-    report = check_file(File(path, ""), examine)
-    wrong = {each.variant: (each.examples, each.wrong_examples) for each in report.tasks}
-    assert wrong == {None: (1, 0), "same": (1, 0), "other": (1, 1), "own": (1, 0), "none": (0, 0)}
-    assert [d.code for d in report.diagnostics if d.code.startswith("E")] == ["E611"]
-
-
 def test_what_cannot_be_enumerated_is_refused_before_it_costs() -> None:
     many = {"state": SPEC["state"] | {"p": {"type": "int", "shape": 12, "low": 0, "high": 11}}}
     start = {"initial": SPEC["initial"] | {"p": "Permutation(12)"}}
@@ -254,46 +232,3 @@ def test_check_runs_examples_without_being_asked() -> None:
 
 
 # -- pages ------------------------------------------------------------------------------------------------------------
-
-
-def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
-    shown = [
-        {"state": {"s": 1}, "action": {"a": "on"}, "next": {"s": {"1": "1/4", "2": "3/4"}}, "doc": "slips & 1|4"},
-        {"state": {"s": 1, "v": V}, "action": {"a": "on"}, "reward": 2, "next": {"s": 2}, "probability": "3/4"},
-        {"t": 4, "state": {"s": 1}, "action": {"a": "on"}, "truncated": True, "terminal": False},
-        {"for": [{"n": 2}], "state": {"s": 2}, "expert": {"a": "on", "b": "Bernoulli(1/2)"}},
-        {"initial": {"mood": "calm"}},
-    ]
-    task = build(source.read_text(json.dumps(SPEC | {"examples": shown}), "walk.yaml"))
-    pages.write(
-        [task], ["markdown", "latex", "html"], tmp_path, facts={task.id: pages.Facts(wrong_examples=frozenset({3}))}
-    )
-    markdown = (tmp_path / "walk.md").read_text(encoding="utf-8")
-    rows = [line.strip() for line in markdown.partition("- **Examples**\n\n")[2].splitlines()[:7]]
-    assert rows[:2] == ["| for | state | action | what follows |  |  |", "|---|---|---|---|---|---|"]
-    assert rows[2].startswith(r"|  | $s = 1$ | $a = \text{on}$ | $s' = \begin{cases} 1 &")
-    assert rows[2].endswith(r"\end{cases}$ | slips &amp; 1\|4 |  |")
-    assert rows[3].endswith(r"$s' = 2$, reward $2$, with probability $\frac{3}{4}$ |  |  |")
-    assert rows[4] == r"|  | $s = 1$, $t = 4$ | $a = \text{on}$ | the episode is truncated |  |  |"
-    assert rows[5].startswith(r"| $n = 2$ | $s = 2$ |  | expert $a = \text{on}$, $b \sim \mathrm{Bernoulli}")
-    assert rows[5].endswith("|  | (✗ does not hold) |")
-    assert rows[6] == r"|  |  |  | first $\mathrm{mood} = \text{calm}$ |  |  |"
-    html, latex = ((tmp_path / f"walk.{x}").read_text(encoding="utf-8") for x in ("html", "tex"))
-    table = html.partition("<table>")[2].partition("</table>")[0]
-    assert (table.count("<tr>"), table.count("<th "), table.count("<td>")) == (
-        6,
-        4,
-        32,
-    )  # a cell above a column without a title is no heading
-    assert "slips &amp; 1|4" in table
-    body = latex.partition(r"\taskspectable{llllll}{")[2].partition("\n")[0]
-    assert r"slips \& 1\textbar{}4" in body or r"slips \& 1|4" in body
-    assert r"\taskspecwide" not in body
-
-
-def test_the_terminal_shows_examples(tmp_path: Path) -> None:
-    path = tmp_path / "walk.yaml"
-    path.write_text(json.dumps(SPEC | {"examples": [AT | {"next": {"s": 2}, "probability": "3/4"}]}), encoding="utf-8")
-    shown = CliRunner().invoke(app, ["show", str(path)]).stdout
-    for words in ("on, b = 1", "s′ = 2", "with probability", "3/4"):
-        assert words in shown

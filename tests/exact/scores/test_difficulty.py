@@ -21,7 +21,6 @@ from taskspec.exact.scores.difficulty import MEASURES, difficulty
 from taskspec.language.printers import tex
 from taskspec.language.printers.markup import mathml
 from taskspec.language.task.task import Task
-from tests.shared.commands import Done
 from tests.shared.sparse import sparse
 from tests.shared.written_out import TABLES, Table, best_from
 
@@ -223,16 +222,3 @@ def test_measures_that_take_too_long_are_not_begun() -> None:
     for name in ("best_at_random", "episodes_to_reward"):
         assert found[name] is None
         assert "outcomes" in found.why_not[name]
-
-
-def test_solve_prints_the_measures_and_their_reasons() -> None:
-    lines = Done("solve", "RiskyPath", "--difficulty").out.splitlines()
-    told = {
-        line.split()[0]: line.split()[1] for line in lines if line.startswith("  ") and line.strip() != "difficulty"
-    }
-    assert told["best_at_random"] == "0.5"
-    assert told["effective_horizon"] == "unknown"
-    assert any("deterministic tasks" in line for line in lines)
-    assert Done("solve", "RiskyPath", "--difficulty", "--json").data["difficulty"] == difficulty("RiskyPath").record()
-    assert "difficulty" not in Done("solve", "RiskyPath", "--json").data
-    assert Done("solve", "Parabola", "--difficulty", "-n", 50).out.count("infinitely many values") == 1

@@ -15,18 +15,12 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, score, soundness
-from taskspec.exact.scores.partial_observability import SEARCHES, best_observing
 from taskspec.exact.solve.plans import optimal_plan
-from taskspec.language.modifiers import MODIFIERS, keeps_observers, sentences
+from taskspec.language.modifiers import MODIFIERS, sentences
 from taskspec.language.modifiers.entry import never
 from taskspec.language.registry import task_ids
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs.backend_table import BACKENDS
-from taskspec.show.pages.page import page
-from taskspec.show.pages.prose import CodeSpan
-from tests.exact.policies.test_memory import TURNS, tiger
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.invariants import broken
@@ -106,19 +100,6 @@ def test_a_modified_task_is_a_task(task_id: str, name: str) -> None:
     assert pickle.loads(pickle.dumps(task)) == task != small(task_id)
     assert task.content_hash != small(task_id).content_hash
     assert task.unmodified is small(task_id)
-
-
-@pytest.mark.parametrize(("task_id", "name"), GIVEN)
-def test_the_page_prints_the_modifier(task_id: str, name: str) -> None:
-    task = found(task_id, name)
-    printed = page(task)
-    section = printed.section("modifiers")
-    assert section is not None and len(section.lines) == 2
-    assert section.lines[0].content[0] == CodeSpan(str(task.modifiers[0]))
-    assert f"modifiers=[{str(task.modifiers[0])!r}]" in printed.make
-    before = page(small(task_id))
-    assert before.section("modifiers") is None
-    assert printed.section("dynamics") == before.section("dynamics")  # the rest is the task as written
 
 
 @pytest.mark.parametrize(("one", "other"), list(pairwise([*MODIFIERS, *list(MODIFIERS)[:1]])))
@@ -220,25 +201,6 @@ OBSERVED = {
     "relabelled=2", "distractors=2", "permuted_actions=2", "symmetry=turned", "delay=2", "reward_at_end", "reward_noise=1",
     "absorbing",
 }  # fmt: skip
-
-
-@pytest.mark.parametrize("written", sorted(OBSERVED))
-def test_what_is_said_of_those_who_see_observations_alone_is_so(written: str) -> None:
-    """A task that pays for alternation: who remembers what was done earns all of it, and who does not, less."""
-    task = build(read_text(TURNS))
-    assert keeps_observers(task, written)
-    twin = Results(taskspec.modify(task, written))
-    for which in SEARCHES:
-        assert best_observing(twin, which) == best_observing(Results(task), which)
-
-
-def test_a_permutation_for_each_state_is_kept_from_those_who_do_not_see_the_state() -> None:
-    anew = "permuted_actions=2,per_state=true"
-    assert keeps_observers(small("derail/RiskyPath-v0"), anew)
-    assert not keeps_observers(tiger(), anew)
-    before, after = (best_observing(Results(t), "remembering") for t in (tiger(), taskspec.modify(tiger(), anew)))
-    assert before != after
-    assert not any(keeps_observers(tiger(), each) for each in ("sticky=0.25", "observation_noise=1", "time_observed"))
 
 
 def test_each_modifier_that_keeps_returns_is_tried_on_what_observers_earn() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,6 @@ import pytest
 import taskspec
 from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError
-from tests.shared.commands import Done
 
 ID = "derail/NoisyObs-v0?L=50&M=7"
 NUMBERS: tuple[Any, ...] = (0, -3, 10**20, 0.1, 1e-300, 1e300, -0.5, True, False)
@@ -93,55 +90,9 @@ def test_mistakes_are_told(name: str, code: str, words: str) -> None:
     assert caught.value.diagnostics[0].code == code and words in str(caught.value)
 
 
-def test_a_value_is_given_once() -> None:
-    with pytest.raises(SpecError, match="give it once"):
-        taskspec.load("NoisyObs?L=5", L=6)
-    assert "give it once" in Done("check", "NoisyObs?L=5", "-p", "L=6").err
-
-
 def test_a_path_takes_values_and_a_file_its_own_name(tmp_path: Path) -> None:
     spec = taskspec.load("NoisyObs").source.document.origin.name
     for name in ("a.yaml", "b+c.yaml", "d?e.yaml"):
         shutil.copy(spec, tmp_path / name)
     assert taskspec.load(f"{tmp_path}/a.yaml?L=50").values["L"] == 50
     assert taskspec.load(f"{tmp_path}/b+c.yaml").values["L"] == taskspec.load(f"{tmp_path}/d?e.yaml").values["L"]
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("show", "--json"),
-        ("solve", "--json"),
-        ("run", "--json"),
-        ("docs", "-o", "docs"),
-        ("figure", "-o", "f.svg"),
-        ("check",),
-    ],
-    ids=lambda c: c[0],
-)
-def test_commands_take_it(command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = Done(command[0], ID, *command[1:])
-    assert done.status == 0, done.err
-    if "--json" in command:
-        parameters = json.loads(done.out)["parameters"]
-        values = parameters if isinstance(parameters, dict) else {p["name"]: p["value"] for p in parameters}
-        assert values == {"M": 7, "L": 50}
-
-
-def test_several_values_are_all_their_combinations(tmp_path: Path) -> None:
-    done = Done("solve", "Branching", "-p", "L=2,3", "-p", "B=2,3", "--json")
-    found = [(each["parameters"]["L"], each["parameters"]["B"]) for each in json.loads(done.out)]
-    assert found == list(itertools.product((2, 3), (2, 3)))
-    assert Done("solve", "Branching", "-p", "L=2,3,B=2,3", "--json").out == done.out
-    assert len(json.loads(Done("show", "Branching", "-p", "L=2,3", "--json").out)) == 2
-    assert len(json.loads(Done("run", "Branching", "-p", "L=2,3", "-n", "2", "--json").out)) == 2
-    assert Done("figure", "Branching", "-p", "L=2,3,B=2", "-o", str(tmp_path / "f.svg")).status == 0
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["f-L=2-B=2.svg", "f-L=3-B=2.svg"]
-    assert "2 tasks in 2 specs" in Done("check", "Branching", "-v", "BranchingSeals", "-p", "L=2,3", "--quick").out
-
-
-def test_commands_about_one_setting_say_so() -> None:
-    assert "takes one value" in Done("play", "Branching", "-p", "L=2,3").err
-    assert "given twice" in Done("solve", "Branching", "-p", "L=2", "-p", "L=3").err
-    assert "not of the form" in Done("solve", "Branching", "-p", "L=,2").err

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,6 @@ import pytest
 
 import taskspec
 from taskspec import SpecError, load
-from taskspec.show.figures import figure
 from tests.conftest import needs_vectors
 
 SHUFFLED = """\
@@ -134,24 +130,3 @@ def test_constants_are_read_from_python(path: Path) -> None:
     assert goes_on == [int(np.argmin(task.constants["meaning"]))]
     with pytest.raises(ValueError, match="read-only"):
         task.constants["meaning"][0] = 1
-
-
-def test_constants_are_printed_and_drawn(path: Path) -> None:
-    task = load(path, instance_seed=3)
-    command = [sys.executable, "-m", "taskspec", "show", str(path), "-p", "instance_seed=3"]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert "meaning ∼ Perm(N), drawn once per instance" in printed and "half = ⌊N / 2⌋" in printed
-    assert f"here meaning = {task.constants['meaning'].tolist()}" in printed
-    told = json.loads(subprocess.run([*command, "--json"], capture_output=True, text=True, check=True).stdout)[
-        "constants"
-    ]
-    assert told["walls"] == task.constants["walls"].tolist() and told["half"] == 2
-    assert task.annotations.figure is not None
-    assert task.annotations.figure.map == tuple(
-        "".join("#" if w else " " for w in row) for row in task.constants["walls"]
-    )
-    drawn = [figure(load(path, instance_seed=seed), path.parent / f"{seed}.svg").read_text() for seed in (3, 4)]
-    assert drawn[0] != drawn[1]
-    path.write_text(SHUFFLED.replace("map: walls", "map: odds"))
-    with pytest.raises(SpecError, match=r"E204.*nor a matrix of conditions or digits"):
-        load(path)

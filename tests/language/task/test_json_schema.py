@@ -22,7 +22,6 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.scaffold import SCAFFOLD
 from taskspec.language import source
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.experiments import Experiment, document_schema
@@ -71,10 +70,6 @@ def test_our_own_specs_are_accepted(path: Path) -> None:
     assert marks(source.read_file(path).data) == []
 
 
-def test_what_taskspec_new_writes_is_accepted() -> None:
-    assert marks(source.read_text(SCAFFOLD.format(name="Walk", title="Walk")).data) == []
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_specs_on_the_pages_are_accepted(page: Path) -> None:
     """Whole specs, and those that a block of sections makes of the last one."""
@@ -97,27 +92,6 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
 def test_broken_shapes_are_marked(path: Path) -> None:
     marked = bool(marks(source.read_file(path).data))
     assert marked is (path.stem[:4] not in BEYOND_A_SCHEMA)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "parameters: {L: {type: int, default: true}}",
-        "parameters: {L: {type: bool, default: 1}}",
-        "parameters: {L: {type: choice, values: [a], default: 2}}",
-        "state: {s: {type: int, values: [a]}}",
-        "state: {s: {type: choice, values: [a], low: 0}}",
-        "action: {a: {type: bool, symbols: [p, q]}}",
-        "parameters: {2x: {type: int, default: 1}}",
-        "observation: {a-b: s}",
-        "claims: [{clam: a}]",
-        "claims: [3]",
-        "examples: [{state: {s: 1}, action: {a: on}, doc: nothing follows}]",
-    ],
-)
-def test_what_a_schema_can_say_about_keys_and_types(text: str) -> None:
-    whole = source.read_text(SCAFFOLD.format(name="Walk", title="Walk")).data
-    assert marks({**whole, **yaml.safe_load(text)})
 
 
 # -- mutants of real specs ----------------------------------------------------------------------------------------
@@ -260,13 +234,6 @@ def editor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
     running = Editor(SERVER, path)
     yield running
     running.close()
-
-
-def test_an_editor_marks_nothing_in_our_specs(editor: Editor) -> None:
-    texts = {path.stem: path.read_text(encoding="utf-8") for path in SHIPPED}
-    texts["scaffold"] = SCAFFOLD.format(name="Walk", title="Walk")
-    marked = {name: found for name, text in texts.items() if (found := editor.marks(name, text))}
-    assert marked == {}
 
 
 def test_an_editor_marks_broken_specs(editor: Editor) -> None:

@@ -1,0 +1,51 @@
+"""An expert that remembers: its memory beside loops over all that can be heard, and beside episodes of the environment."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import taskspec
+from taskspec.cli.app import app
+from taskspec.exact import Expert, check
+from taskspec.exact.rollout.rollout import by_expert, simulate
+from taskspec.language.task.task import Task
+from taskspec.show.pages.page import page
+from tests.exact.policies.test_memory import DRAWN, SEEN, episode, listening, tiger
+
+
+@pytest.mark.parametrize("observation", [SEEN, DRAWN])
+def test_it_acts_on_what_it_was_shown(observation: str) -> None:
+    task = tiger(observation)
+    expert, whole = Expert(task), task.remembering()
+    own = [episode(taskspec.make(task), expert, seed) for seed in range(60)]
+    assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
+    assert len(set(own)) > 2
+    env = taskspec.make(task)
+    following = [episode(env, expert, seed) for seed in (0, *[None] * 59)]
+    run = CliRunner().invoke(app, ["run", _written(task), "--policy", "expert", "--episodes", "60", "--json"])
+    assert json.loads(run.output)["returns"] == following
+
+
+def _written(task: Task) -> str:
+    Path("tiger.yaml").write_text(task.source.document.origin.text)
+    return "tiger.yaml"
+
+
+def test_pages_say_what_it_remembers() -> None:
+    found = " ".join(str(page(tiger())).split())
+    assert "lead" in found and "remembers" in found and "the balance" in found
+
+
+def test_its_page_its_checks_and_its_examples_are_about_what_it_reads() -> None:
+    right = """examples:
+  - {state: {lead: 2, heard: right}, expert: {a: left}}
+  - {state: {lead: 2, heard: left}, expert: {a: listen}}
+"""
+    task = listening(SEEN, True, right)
+    assert not [d for d in check(task).diagnostics if d.code not in ("W507", "W518")]
+    found = str(page(task))
+    assert found.count("remembers") == 1 and "sound" in found[found.index("remembers") :]
