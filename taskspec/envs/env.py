@@ -20,7 +20,7 @@ from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError
 from taskspec.envs.state import flat_state, plain_state, require_legal
 from taskspec.language import draws
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.expressions.variates import sampler
 from taskspec.language.modifiers import with_options
 from taskspec.language.registry import load
@@ -241,7 +241,7 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         layout = self.task.reset_words
         assert self._seed is not None
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
-        reads: dict[tuple[Role, str], tuple[Any, ...]] = {(Role.TIME, "t"): (0,)}
+        reads: dict[tuple[Role, str], tuple[Any, ...]] = {TIME: (0,)}
         for c, value in zip(self.task.state, values, strict=True):
             reads[c.read] = tuple(value) if c.type.shape else (value,)
         flats = evaluate(self.task.observation.nodes, reads, sampler(layout, words))

@@ -14,8 +14,7 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.named import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
-from taskspec.language.expressions.ir import Role
-from taskspec.language.expressions.types import Domain, Kind
+from taskspec.language.expressions.types import Domain, Kind, Role
 from taskspec.language.task.legal import action_mask
 from taskspec.language.task.parts import Component, RenderMode, are_finite
 from taskspec.language.task.spaces import single, space

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, are_constant, children, plain, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, are_constant, children, plain, walk
 from taskspec.language.expressions.operators import OPERATORS, Operator
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.programs import literal
 
 Drawn = Callable[[Draw, Sequence[str]], str]

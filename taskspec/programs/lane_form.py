@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.language.expressions.batch import network
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, children, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, walk
 from taskspec.language.expressions.operators import OPERATORS, Elements, Operator, entry_of
 from taskspec.language.expressions.operators.vectors import strided
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.types import Kind, Role
 from taskspec.language.expressions.variates import VARIATES, one
 from taskspec.programs import literal, tuple_of, without_unused
 

@@ -12,9 +12,9 @@ from taskspec.base.arrays import Array
 from taskspec.language.draws import NEVER
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, draws, reads, rewrite, walk
 from taskspec.language.expressions.operators import OPERATORS
-from taskspec.language.expressions.types import INT, Kind, Type
+from taskspec.language.expressions.types import INT, Kind, Role, Type
 from taskspec.language.expressions.variates import VARIATES, WordLayout, words_of
 from taskspec.language.expressions.variates.choices import row_table
 from taskspec.language.task.parts import by_read

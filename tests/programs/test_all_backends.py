@@ -12,10 +12,10 @@ import pytest
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.operators import FUNCTIONS, TABLE, Operator
 from taskspec.language.expressions.operators.vectors import STRUCTURES
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.programs.array_form import ArrayForm, Scratch, arrays
 from taskspec.programs.lane_form import LaneValue
 from taskspec.programs.numba.kernel import EVERYTHING, KernelLane

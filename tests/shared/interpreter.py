@@ -7,7 +7,7 @@ from typing import Any
 
 from taskspec.language import draws
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import Role
 from taskspec.language.expressions.variates import sampler
 from taskspec.language.task.task import Task
 

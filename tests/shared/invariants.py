@@ -11,9 +11,9 @@ from fractions import Fraction
 from typing import Any
 
 from taskspec.language.expressions import interval
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, draws, reads, walk
 from taskspec.language.expressions.operators import OPERATORS, STRUCTURES
-from taskspec.language.expressions.types import BOOL, INT_MAX, REAL, Kind, Type
+from taskspec.language.expressions.types import BOOL, INT_MAX, REAL, Kind, Role, Type
 from taskspec.language.expressions.variates import VARIATES
 from taskspec.language.modifiers.core import remembers_what_is_told
 from taskspec.language.task.parts import Component, Symmetry

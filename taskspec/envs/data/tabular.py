@@ -18,7 +18,8 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse
 from taskspec.exact.policies.policy import named
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Role, draws, reads
+from taskspec.language.expressions.ir import draws, reads
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
@@ -199,7 +200,7 @@ def tabular(task: TaskLike) -> Tabular:
     found = abstraction(task)
     if found is not None:
         task = found.stand_in
-    ends = bool(draws([task.process.terminal])) or not set(reads([task.process.terminal])) <= {(Role.TIME, "t")}
+    ends = bool(draws([task.process.terminal])) or not set(reads([task.process.terminal])) <= {TIME}
     if ends:
         task = modify(task, "absorbing")
     model = extract(task, True if ends else None)

@@ -13,9 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.exact.abstraction.abstraction import Abstraction
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, children, draw_sites, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, draw_sites, reads, walk
 from taskspec.language.expressions.operators import Elements, entry_of
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.language.task.parts import Component, by_name
 from taskspec.language.task.task import Task
 

@@ -17,7 +17,8 @@ from taskspec.base.named import all_names
 from taskspec.exact.abstraction.abstraction import in_words
 from taskspec.exact.model.points import SAMPLES, sampled
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import Role
 from taskspec.language.task.bijection import MapPart, outside, parts
 from taskspec.language.task.parts import Symmetry
 from taskspec.language.task.task import Task

@@ -20,12 +20,12 @@ from taskspec.exact.abstraction.factor import Unfactored, factored
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.space import entries_of
-from taskspec.exact.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes, total
+from taskspec.exact.model.transitions import Steps, count, joint_outcomes, merge_outcomes, total
 from taskspec.exact.solve.enclosure import Inexact, Reader
 from taskspec.exact.solve.rational import ExactProbabilities
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node, Read, Role, draws, reads
-from taskspec.language.expressions.types import Refused
+from taskspec.language.expressions.ir import Node, Read, draws, reads
+from taskspec.language.expressions.types import TIME, Refused, Role
 from taskspec.language.expressions.variates.entry import once
 
 

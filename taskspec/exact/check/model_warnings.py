@@ -17,7 +17,8 @@ from taskspec.exact.rollout.rollout import at_random, is_bounded
 from taskspec.exact.scores.partial_observability import pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Role, draws, reads
+from taskspec.language.expressions.ir import draws, reads
+from taskspec.language.expressions.types import Role
 from taskspec.language.task.build import build
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.parts import Component, Soft, by_name

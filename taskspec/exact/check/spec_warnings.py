@@ -22,9 +22,10 @@ from taskspec.exact.soundness.soundness import in_words
 from taskspec.language import printers
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Node, Role, children, draws, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Node, children, draws, reads, walk
 from taskspec.language.expressions.scope import ClampedIndex
 from taskspec.language.expressions.syntax import Name
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.printers.names import of_task
 from taskspec.language.registry import load
 from taskspec.language.task.merge import merge
@@ -125,7 +126,7 @@ def _acting_points(context: LintContext, roots: Sequence[Node]) -> Reads:
     if any(role is Role.ACTION for role, _ in read):
         actions = model.n_actions
     levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
-    if (Role.TIME, "t") in read or model.is_timed:
+    if TIME in read or model.is_timed:
         levels = model.levels()
     parts = []
     left = POINTS
@@ -134,7 +135,7 @@ def _acting_points(context: LintContext, roots: Sequence[Node]) -> Reads:
         every = np.arange(len(codes) * actions)[:left]
         left -= len(every)
         point = model.states.decode(codes[every % len(codes)], read) | model.actions.decode(every // len(codes), read)
-        parts.append(point | {(Role.TIME, "t"): np.full(len(every), t)})
+        parts.append(point | {TIME: np.full(len(every), t)})
     return columns(parts)
 
 
@@ -189,7 +190,7 @@ def _values(node: Node, model: Model | None) -> Array | None:
         bare = bare.args[0]
     if isinstance(bare, Const):
         return evaluate([node], {})[0]
-    if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
+    if model is None or draws([node]) or TIME in reads([node]):
         return None
     return evaluate([node], picked(model.reads(0), model.entered))[0]
 

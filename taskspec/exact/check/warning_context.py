@@ -12,7 +12,8 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Placed, Span
 from taskspec.exact.model.model import Model
 from taskspec.exact.scores.returns import Results
-from taskspec.language.expressions.ir import Node, Role, reads, walk
+from taskspec.language.expressions.ir import Node, reads, walk
+from taskspec.language.expressions.types import Role
 from taskspec.language.task.merge import Merged, merge
 from taskspec.language.task.task import Task
 

@@ -13,7 +13,7 @@ from scipy import sparse
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact.model.space import Space, entries_of, shown
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.task.legal import choices
 from taskspec.language.task.task import Task
 
@@ -286,7 +286,7 @@ class Model:
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""
-        return dict(self.states.decode(self.codes[some])) | {(Role.TIME, "t"): np.array([t], dtype=np.int64)}
+        return dict(self.states.decode(self.codes[some])) | {TIME: np.array([t], dtype=np.int64)}
 
 
 # -- whether a component of the action makes any difference -----------------------------------------------------------

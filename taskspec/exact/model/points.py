@@ -13,12 +13,11 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import too_large
 from taskspec.exact.model.space import Reads, Space
-from taskspec.language.expressions.ir import Const, Draw, Node, Role, walk
-from taskspec.language.expressions.types import Kind, total_size
+from taskspec.language.expressions.ir import Const, Draw, walk
+from taskspec.language.expressions.types import TIME, Expression, Kind, Role, total_size
 from taskspec.language.expressions.variates import VARIATES, words_of
 from taskspec.language.task.parts import Component
 
-TIME = (Role.TIME, "t")
 SAMPLES = 4096
 FAR = 100.0
 """The distance from 0 up to which an unbounded value is sampled."""
@@ -192,7 +191,7 @@ class Cost:
         beside: operations at each point beside those of the nodes.
     """
 
-    def __init__(self, roots: Iterable[Node], simulated: bool = False, beside: int = 0) -> None:
+    def __init__(self, roots: Iterable[Expression], simulated: bool = False, beside: int = 0) -> None:
         nodes = [node for node in walk(roots) if not isinstance(node, Const)]
         self.calls = max(1, len(nodes))
         self.numbers = max(1, total_size(nodes) + beside)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.language.expressions.ir import Role
-from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
+from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind, Role
 from taskspec.language.task.parts import Component, counts_of
 
 # -- sets of codes as sorted arrays, each code once: by sorting, which is far faster than NumPy's hash tables -------------

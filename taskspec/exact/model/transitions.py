@@ -21,9 +21,9 @@ from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Role, children, draws, reads, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, children, draws, reads, rewrite, walk
 from taskspec.language.expressions.operators import entry_of
-from taskspec.language.expressions.types import Range
+from taskspec.language.expressions.types import TIME, Range, Role
 from taskspec.language.expressions.variates import VARIATES
 from taskspec.language.expressions.variates.entry import FAINTEST, ProbabilityArithmetic, both, once
 from taskspec.language.task.task import Task
@@ -223,8 +223,6 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
 
 # -- one step of a finite task at many points at once -----------------------------------------------------------------
 
-TIME = (Role.TIME, "t")
-
 
 @dataclass(frozen=True)
 class Outcomes:
@@ -299,7 +297,7 @@ class Steps:
     @property
     def ends(self) -> bool:
         """True where some step may terminate."""
-        return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
+        return not self.task.process.never_ends
 
     @cached_property
     def branching(self) -> float:

@@ -36,8 +36,8 @@ from taskspec.exact.policies.policy import (
 from taskspec.exact.rollout.rollout import State, reads_of
 from taskspec.exact.solve.plans import timed
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Role, draws, reads
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.ir import draws, reads
+from taskspec.language.expressions.types import Kind, Role
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task import spaces
 from taskspec.language.task.legal import restricted

@@ -12,8 +12,8 @@ from taskspec.exact.model.model import misused, refuse
 from taskspec.exact.policies.policy import Actions, decoded, planned, probabilities_of
 from taskspec.exact.rollout.rollout import State, by_expert
 from taskspec.exact.scores.returns import Given, Results
-from taskspec.language.expressions.ir import Read, Role, reads
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.ir import Read, reads
+from taskspec.language.expressions.types import Kind, Role
 from taskspec.language.registry import load
 from taskspec.language.task import spaces
 from taskspec.language.task.parts import ExpertMemory

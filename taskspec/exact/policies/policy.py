@@ -21,8 +21,7 @@ from taskspec.exact.solve import solve
 from taskspec.exact.solve.backward import Plan, rule_of
 from taskspec.exact.solve.plans import tables, uniform_plan
 from taskspec.language import draws
-from taskspec.language.expressions.ir import Role
-from taskspec.language.expressions.types import Kind, total_size
+from taskspec.language.expressions.types import Kind, Role, total_size
 from taskspec.language.expressions.variates import WordLayout
 from taskspec.language.task.legal import choices, legal_at_random
 from taskspec.language.task.parts import Soft

@@ -21,8 +21,8 @@ from taskspec.exact.model.points import BYTES, Budget, Cost, columns, sampled
 from taskspec.language import draws
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.interval import bounds
-from taskspec.language.expressions.ir import Const, Node, Role
-from taskspec.language.expressions.types import Kind, total_size
+from taskspec.language.expressions.ir import Const, Node
+from taskspec.language.expressions.types import TIME, Kind, Role, total_size
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task.legal import legal_at_random
 from taskspec.language.task.parts import Component
@@ -78,7 +78,7 @@ class Rollout:
 def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) -> dict[Key, Array]:
     found: dict[Key, Array] = {(Role.STATE, name): value for name, value in state.items()}
     found |= {(Role.ACTION, name): value for name, value in action.items()}
-    found[Role.TIME, "t"] = np.array([t], dtype=np.int64)
+    found[TIME] = np.array([t], dtype=np.int64)
     return found
 
 
@@ -224,7 +224,7 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
     words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
     *following, terminal = evaluate(roots, reads, batch_sampler(layout, words))
     found = {c.read: v for c, v in zip(task.state, following, strict=True)}
-    found[Role.TIME, "t"] = reads[Role.TIME, "t"] + 1
+    found[TIME] = reads[TIME] + 1
     going = np.broadcast_to(ends | ~terminal, (lanes,))
     for c in task.state:
         value = found[c.read]
@@ -232,7 +232,7 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
         inside = (value >= low) & (value <= high)
         going = going & inside.reshape(-1, inside.shape[-1]).all(axis=0)
     if task.horizon is not None:
-        going = going & (found[Role.TIME, "t"] < task.horizon + ends)
+        going = going & (found[TIME] < task.horizon + ends)
     return _picked(found, going)
 
 

@@ -10,7 +10,6 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector
 from taskspec.base.named import all_names, entries_by_name
 from taskspec.exact.model.model import Model, differs, refuse
-from taskspec.exact.model.transitions import TIME
 from taskspec.exact.rules.evaluator import InvalidClaim, Undecidable
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Rule
@@ -20,8 +19,8 @@ from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Node, Role, draws, reads
-from taskspec.language.expressions.types import BOOL, Refused
+from taskspec.language.expressions.ir import Node, draws, reads
+from taskspec.language.expressions.types import BOOL, TIME, Refused, Role
 from taskspec.language.task.task import Task
 
 Timed = Callable[[int], Array]

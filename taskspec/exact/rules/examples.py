@@ -24,9 +24,9 @@ from taskspec.exact.solve.rational import ExactProbabilities
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.check import Checker
 from taskspec.language.expressions.interval import NormalForms
-from taskspec.language.expressions.ir import Const, Node, Role, draws, reads
+from taskspec.language.expressions.ir import Const, Node, draws, reads
 from taskspec.language.expressions.scope import Poisoned
-from taskspec.language.expressions.types import BOOL, INF, REAL, Refused, total_size
+from taskspec.language.expressions.types import BOOL, INF, REAL, TIME, Refused, Role, total_size
 from taskspec.language.expressions.variates.entry import ProbabilityArithmetic
 from taskspec.language.registry import load
 from taskspec.language.task.annotations import SCOPE
@@ -241,7 +241,7 @@ class _Trial:
         found: dict[tuple[Role, str], Node | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()
         }
-        found[Role.TIME, "t"] = self.builder.scalar(self.example.t)
+        found[TIME] = self.builder.scalar(self.example.t)
         return found
 
     def _value(self, c: Component, expr: Any) -> Node | None:

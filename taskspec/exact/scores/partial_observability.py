@@ -12,7 +12,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import TIME, count, joint_outcomes, picked
+from taskspec.exact.model.transitions import count, joint_outcomes, picked
 from taskspec.exact.scores.measures import mean_length, undiscounted
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.enclosure import Enclosure
@@ -22,7 +22,7 @@ from taskspec.exact.solve.pomdp import BeliefSearch, ReactiveSearch, hides, obse
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import occupancy, visits_by_time
 from taskspec.language.expressions.ir import Node, draw_sites, draws, reads
-from taskspec.language.expressions.types import total_size
+from taskspec.language.expressions.types import TIME, total_size
 from taskspec.language.modifiers.core import informative, moving_draws
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}

@@ -23,9 +23,10 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import TIME, count
+from taskspec.exact.model.transitions import count
 from taskspec.exact.solve.bounded import Bound, Bounded, Policy
 from taskspec.language.expressions.ir import Node, draws, reads
+from taskspec.language.expressions.types import TIME
 from taskspec.language.task.parts import Soft
 
 Q = TypeVar("Q")

@@ -30,12 +30,12 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits, tell
 from taskspec.exact.model.model import Model
-from taskspec.exact.model.transitions import TIME
 from taskspec.exact.solve.backward import all_values, backward, first_values
 from taskspec.exact.solve.enclosure import Enclosure, rounded
 from taskspec.exact.solve.rational import WIDE, Rational, Scaled
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.ir import reads
+from taskspec.language.expressions.types import TIME
 
 # -- observations -----------------------------------------------------------------------------------------------------
 

@@ -24,8 +24,8 @@ from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import DISTS
 from taskspec.language.expressions.interval import ranges
-from taskspec.language.expressions.ir import Const, Draw, Node, Role, are_constant, draws, reads
-from taskspec.language.expressions.types import INF, Interval, Kind, Range, total_size
+from taskspec.language.expressions.ir import Const, Draw, Node, are_constant, draws, reads
+from taskspec.language.expressions.types import INF, TIME, Interval, Kind, Range, Role, total_size
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task.parts import Component, by_read
 from taskspec.language.task.reach import over, reach
@@ -178,7 +178,7 @@ class PhaseBuilder:
             return CheckPhase(task, name, merged if is_exact else left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
             actions = Space(task.action, Role.ACTION) if name == "step" else None
-            times = self._times(name) if (Role.TIME, "t") in read else None
+            times = self._times(name) if TIME in read else None
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
@@ -459,7 +459,7 @@ class Examination:
         """States of a few episodes, for tasks in which the search for all of them costs too much."""
         found = visited(self.task, self.phase.name == "observation")
         space = Space(self.task.state, Role.STATE)
-        return distinct(space.encode([found[c.read] for c in self.task.state], found[Role.TIME, "t"].shape[-1])[0])
+        return distinct(space.encode([found[c.read] for c in self.task.state], found[TIME].shape[-1])[0])
 
     @cached_property
     def _finished(self) -> Array:

@@ -23,7 +23,8 @@ from taskspec.exact.model.space import Reads, domain, shown, words
 from taskspec.exact.soundness.phases import Check, Examination, Violation, entries, phases
 from taskspec.exact.soundness.places import SectionScope, narrow
 from taskspec.language.expressions.check import TooManyExpressions
-from taskspec.language.expressions.ir import Role, reads
+from taskspec.language.expressions.ir import reads
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
 from taskspec.language.task.build import build
@@ -86,7 +87,7 @@ def _where(violation: Violation, task: Task) -> str:
         values = in_words([c for c in components if is_short or (role, c.name) in needed], role, violation.reads)
         if values:
             found.append(f"{word} {values}")
-    if (Role.TIME, "t") in needed & violation.reads.keys():
+    if TIME in needed & violation.reads.keys():
         found.append(f"at t = {int(violation.reads[Role.TIME, 't'].reshape(-1)[0])}")
     return " ".join(found) + ", " * bool(found)
 

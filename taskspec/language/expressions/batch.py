@@ -15,9 +15,9 @@ import numpy as np
 
 from taskspec.base.arrays import AnyArray, Array
 from taskspec.language.expressions.evaluate import no_draws
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Read, plain, walk
 from taskspec.language.expressions.operators import OPERATORS
-from taskspec.language.expressions.types import INT_MAX, Kind
+from taskspec.language.expressions.types import INT_MAX, Expression, Kind, Role
 
 UNSORTED = 16
 """Vectors up to this many elements are sorted by a network."""
@@ -238,7 +238,7 @@ def array(node: Const) -> Array:
 
 
 def evaluate(
-    roots: Iterable[Node],
+    roots: Iterable[Expression],
     reads: Mapping[tuple[Role, str], Array],
     sample: Callable[[Draw, list[Array]], Array] = no_draws,
 ) -> list[Array]:
@@ -273,7 +273,7 @@ class _Plan(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _planned(roots: tuple[Node, ...]) -> _Plan:
+def _planned(roots: tuple[Expression, ...]) -> _Plan:
     """Kept, since the same step is evaluated at thousands of times of an episode."""
     places: dict[int, int] = {}
     plan = _Plan([], [], [], [])

@@ -12,19 +12,7 @@ from typing import Any, TypeVar, cast
 from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.evaluate import Flat, apply_flat
-from taskspec.language.expressions.ir import (
-    Apply,
-    Const,
-    Draw,
-    Node,
-    Read,
-    Role,
-    are_constant,
-    exact,
-    plain,
-    rewrite,
-    walk,
-)
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, are_constant, exact, plain, rewrite, walk
 from taskspec.language.expressions.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.language.expressions.types import (
     BOOL,
@@ -32,10 +20,12 @@ from taskspec.language.expressions.types import (
     INT,
     INT_MAX,
     REAL,
+    Expression,
     Interval,
     Kind,
     Range,
     Refused,
+    Role,
     Shape,
     Type,
     join,
@@ -126,7 +116,7 @@ class Builder:
         self._written: list[dict[int, Draw]] = []
 
     @classmethod
-    def of(cls, roots: Iterable[Node]) -> Builder:
+    def of(cls, roots: Iterable[Expression]) -> Builder:
         """Return a builder that knows the nodes below some roots: what equals one of them is that one, and new draws come later.
 
         The limit on operations of a build does not hold for what is made from a task.
@@ -337,7 +327,7 @@ class Builder:
                 return node
 
     def substitute(
-        self, roots: Iterable[Node], values: Mapping[tuple[Role, str], Node], late: bool = True
+        self, roots: Iterable[Expression], values: Mapping[tuple[Role, str], Node], late: bool = True
     ) -> tuple[Node, ...]:
         """Return nodes with values in the place of the reads that have one, by role and name.
 

@@ -18,7 +18,7 @@ from taskspec.base.diagnostics import Collector, suggest
 from taskspec.base.named import all_names
 from taskspec.language.expressions import alternatives, dists, sets, types
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Const, Node, Role, have_one_shape, reads
+from taskspec.language.expressions.ir import Const, Node, have_one_shape, reads
 from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.parse import advice
 from taskspec.language.expressions.scope import (
@@ -32,7 +32,7 @@ from taskspec.language.expressions.scope import (
     named,
     varies,
 )
-from taskspec.language.expressions.types import Domain, Kind, Shape, Type
+from taskspec.language.expressions.types import Domain, Kind, Role, Shape, Type
 
 FOLDS = ("fold", "scan")
 SET_FUNCTIONS = ("box", "range")

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Read, exact, plain, walk
 from taskspec.language.expressions.operators import OPERATORS, STRUCTURES
-from taskspec.language.expressions.types import Type
+from taskspec.language.expressions.types import Expression, Role, Type
 
 Flat = tuple[Any, ...]
 Sampler = Callable[[Draw, list[Flat]], Flat]
@@ -21,7 +21,9 @@ def no_draws(draw: Draw, args: list[Any]) -> Any:
     raise AssertionError(f"a draw ({draw.base}) where none can be")
 
 
-def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], sample: Sampler = no_draws) -> list[Flat]:
+def evaluate(
+    roots: Iterable[Expression], reads: Mapping[tuple[Role, str], Flat], sample: Sampler = no_draws
+) -> list[Flat]:
     """Return values of the roots.
 
     Args:

@@ -10,9 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, children, draws, plain, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, draws, plain, walk
 from taskspec.language.expressions.operators import Elements, Operator, Structure, entry_of
-from taskspec.language.expressions.types import EVERYTHING, HUGE, INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
+from taskspec.language.expressions.types import (
+    EVERYTHING,
+    HUGE,
+    INF,
+    INT_MAX,
+    INT_WIDEST,
+    Args,
+    Expression,
+    Interval,
+    Kind,
+    Range,
+    Role,
+)
 from taskspec.language.expressions.variates import VARIATES
 
 # There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
@@ -23,12 +35,12 @@ from taskspec.language.expressions.variates import VARIATES
 # numbers only, and `Range.finite` says whether there is nothing else.
 
 
-def bounds(root: Node, known: dict[int, Range]) -> Interval:
+def bounds(root: Expression, known: dict[int, Range]) -> Interval:
     """Return bounds of a node; `known` (by node id) carries results from call to call."""
     return ranges(root, known)[:2]
 
 
-def ranges(root: Node, known: dict[int, Range], rule: Callable[[Node, Args], Range] | None = None) -> Range:
+def ranges(root: Expression, known: dict[int, Range], rule: Callable[[Node, Args], Range] | None = None) -> Range:
     """Return what is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
     rule = rule or step
     if id(root) not in known:
@@ -163,7 +175,7 @@ class NormalForms:
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], int] = {}
 
-    def all(self, roots: Iterable[Node], order: Sequence[Draw] | None = None) -> list[int]:
+    def all(self, roots: Iterable[Expression], order: Sequence[Draw] | None = None) -> list[int]:
         """Return the forms of some nodes; `order` ranks the draws that may occur in them."""
         roots = list(roots)
         rank = {d.site: i for i, d in enumerate(draws(roots) if order is None else order)}

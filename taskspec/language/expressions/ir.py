@@ -7,28 +7,16 @@ exact enumeration) walks these nodes; nothing downstream sees names of parameter
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
-from taskspec.language.expressions.types import Kind, Type
-
-
-class Role(enum.Enum):
-    """The kinds of value that a `Read` reads."""
-
-    STATE = "state"
-    ACTION = "action"
-    NEXT = "next"
-    TIME = "time"
-    PARAMETER = "parameter"  # of a task that leaves it open
-    VARIABLE = "variable"  # of a comprehension or a function, while it is being expanded
+from taskspec.language.expressions.types import Expression, Kind, Role, Type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Const:
+class Const(Expression):
     """A literal: a Python scalar (bool, int, float, Fraction), or a flat row-major tuple of them."""
 
     value: Any
@@ -45,7 +33,7 @@ class Const:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Read:
+class Read(Expression):
     """The present value of a state or action component, of the time, or of a bound variable."""
 
     role: Role
@@ -56,7 +44,7 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Apply:
+class Apply(Expression):
     """An operator of `lang.operators` applied to arguments; `static` holds what is fixed at compile time (slice bounds)."""
 
     op: str
@@ -66,7 +54,7 @@ class Apply:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Draw:
+class Draw(Expression):
     """A base variate of `lang.variates`; `site` tells two written occurrences apart."""
 
     base: str
@@ -87,14 +75,14 @@ def children(node: Node) -> tuple[Node, ...]:
             return args
 
 
-def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator[Node]:
+def walk(roots: Iterable[Expression], known: Container[int] = frozenset()) -> Iterator[Node]:
     """Yield every node below the roots once, arguments before users, in a stable order.
 
     Nodes whose ids are `known` are left out, with all that is below them alone.
     """
     seen: set[int] = set()
     for root in roots:
-        stack: list[Node | None] = [root]
+        stack: list[Node | None] = [cast("Node", root)]
         users: list[Node] = []  # whose arguments are on the stack, above a None
         while stack:
             node = stack.pop()
@@ -110,7 +98,7 @@ def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator
                     yield node
 
 
-def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
+def draws(roots: Iterable[Expression]) -> tuple[Draw, ...]:
     """Return the draws below the roots, by site, except that those which others depend on come before them."""
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
     if len(found) < 2:
@@ -119,12 +107,12 @@ def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
     return tuple(n for n in walk(in_order) if isinstance(n, Draw))
 
 
-def draw_sites(roots: Iterable[Node]) -> set[int]:
+def draw_sites(roots: Iterable[Expression]) -> set[int]:
     """Return the sites of all draws below the roots."""
     return {draw.site for draw in draws(roots)}
 
 
-def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
+def reads(roots: Iterable[Expression]) -> frozenset[tuple[Role, str]]:
     return frozenset((n.role, n.name) for n in walk(roots) if isinstance(n, Read))
 
 
@@ -142,7 +130,7 @@ Remake = Callable[[Node, tuple[Node, ...]], Node]
 """Gives a node over other arguments."""
 
 
-def rewrite(roots: Iterable[Node], replacements: Mapping[int, Node], remake: Remake) -> tuple[Node, ...]:
+def rewrite(roots: Iterable[Expression], replacements: Mapping[int, Node], remake: Remake) -> tuple[Node, ...]:
     """Return roots with the nodes that have a replacement, by id, replaced, and others rebuilt bottom-up by `remake`."""
     roots = tuple(roots)
     done: dict[int, Node] = {}

@@ -19,9 +19,9 @@ from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.expressions import alternatives, batch
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Const, Node, Role, draws, have_one_shape, reads, walk
+from taskspec.language.expressions.ir import Const, Node, draws, have_one_shape, reads, walk
 from taskspec.language.expressions.scope import BaseChecker, Poisoned, Scope, Value, check_comparable
-from taskspec.language.expressions.types import INT_WIDEST, Domain, Kind, Type
+from taskspec.language.expressions.types import INT_WIDEST, Domain, Kind, Role, Type
 
 _ENUMERATED = "a set is enumerated before the task runs; it may use parameters and constants only"
 MOST_AXES = 32  # as many as arrays may have

@@ -122,6 +122,31 @@ def shape(type_: Type, domain: Domain | None) -> Shape:
 BOOLEAN_LABELS = ("false", "true")
 
 
+# Expressions as those see them who do not take them apart: their types, and the names of what they read.
+
+
+class Role(enum.Enum):
+    """The kinds of value that an expression reads."""
+
+    STATE = "state"
+    ACTION = "action"
+    NEXT = "next"
+    TIME = "time"
+    PARAMETER = "parameter"  # of a task that leaves it open
+    VARIABLE = "variable"  # of a comprehension or a function, while it is being expanded
+
+
+TIME = (Role.TIME, "t")
+"""The read of the steps taken."""
+
+
+class Expression:
+    """An expression of a task: its value is computed by `evaluate`, and `task.questions` are asked about it."""
+
+    __slots__ = ()
+    type: Type
+
+
 def join(*kinds: Kind) -> Kind:
     """Return the kind that all the given kinds promote to."""
     return max(kinds)

@@ -11,8 +11,8 @@ from taskspec.base.limits import Limits
 from taskspec.language import draws
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import DISTS
-from taskspec.language.expressions.ir import Const, Node, Role, reads
-from taskspec.language.expressions.types import BOOL, Kind
+from taskspec.language.expressions.ir import Const, Node, reads
+from taskspec.language.expressions.types import BOOL, Kind, Role
 from taskspec.language.modifiers import core
 from taskspec.language.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.language.task.parts import Component, by_name

@@ -10,8 +10,8 @@ from typing import Any
 from taskspec.base.named import all_names
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import DISTS
-from taskspec.language.expressions.ir import Draw, Node, Role, draw_sites, draws, reads
-from taskspec.language.expressions.types import INT, Kind, Type
+from taskspec.language.expressions.ir import Draw, Node, draw_sites, draws, reads
+from taskspec.language.expressions.types import INT, TIME, Kind, Role, Type
 from taskspec.language.modifiers.entry import Inapplicable
 from taskspec.language.task.bijection import parts
 from taskspec.language.task.parts import Component, Observation, SpaceKind, counts_of
@@ -131,7 +131,7 @@ def reads_time(task: Task) -> bool:
         *task.observation.nodes,
         *expert,
     )
-    return (Role.TIME, "t") in reads(roots)
+    return TIME in reads(roots)
 
 
 def paying(b: Builder, task: Task, reward: Node) -> Task:
@@ -181,7 +181,7 @@ def real_space(task: Task) -> SpaceKind:
 
 def shows_the_state(task: Task) -> bool:
     """Return whether it is known that no two states look alike at any time; draws do not count."""
-    nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
+    nodes = [n for n in task.observation.nodes if not draws([n]) and TIME not in reads([n])]
     return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
 
 
@@ -260,7 +260,7 @@ def remembers_what_is_told(task: Task) -> bool:
     if memory is None:
         return True
     seen = {(Role.NEXT, c.name) for c in task.observation.components}
-    own = {c.read for c in memory.components} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
+    own = {c.read for c in memory.components} | {(Role.ACTION, c.name) for c in task.action} | {TIME}
     return reads(memory.initial) <= seen and reads(memory.next) <= seen | own
 
 

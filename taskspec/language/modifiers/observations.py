@@ -12,8 +12,7 @@ from taskspec.base.diagnostics import suggest
 from taskspec.base.named import all_names
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import DISTS
-from taskspec.language.expressions.ir import Role
-from taskspec.language.expressions.types import INT, Kind, Type
+from taskspec.language.expressions.types import INT, Kind, Role, Type
 from taskspec.language.modifiers import core
 from taskspec.language.modifiers.actions import SEED, permutations
 from taskspec.language.modifiers.entry import (

@@ -14,11 +14,11 @@ from taskspec.base.named import all_names
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Apply, Const, Node, Role, children, plain, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Node, children, plain, reads, walk
 from taskspec.language.expressions.operators import OPERATORS, Elements, entry_of
 from taskspec.language.expressions.parse import parse
 from taskspec.language.expressions.scope import Unavailable
-from taskspec.language.expressions.types import INT, REAL, Kind, Refused, Type
+from taskspec.language.expressions.types import INT, REAL, Kind, Refused, Role, Type
 from taskspec.language.modifiers import core
 from taskspec.language.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.language.task.parts import Component, by_read

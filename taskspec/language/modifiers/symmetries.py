@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.base.diagnostics import suggest
 from taskspec.base.named import all_names, entries_by_name
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Node, Read, Role
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.ir import Node, Read
+from taskspec.language.expressions.types import Kind, Role
 from taskspec.language.modifiers import core
 from taskspec.language.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.language.task.bijection import MapPart, Moves, bounds, codes, outside, parts

@@ -12,9 +12,9 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.base.named import all_names
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Const, Node, Role, reads
+from taskspec.language.expressions.ir import Const, Node, reads
 from taskspec.language.expressions.scope import Scope, Value
-from taskspec.language.expressions.types import INT_MAX, Kind
+from taskspec.language.expressions.types import INT_MAX, Kind, Role
 from taskspec.language.source import Path
 from taskspec.language.task import parts as parameters
 from taskspec.language.task.context import Context

@@ -17,9 +17,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import limits
 from taskspec.base.named import all_names
 from taskspec.language.expressions.batch import DTYPES, evaluate
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, reads, walk
 from taskspec.language.expressions.operators import Elements, entry_of
-from taskspec.language.expressions.types import Kind, total_size
+from taskspec.language.expressions.types import Kind, Role, total_size
 from taskspec.language.task.parts import Component, are_finite, counts_of
 
 Values = dict[str, Array]

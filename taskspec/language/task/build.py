@@ -16,9 +16,9 @@ from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order
 from taskspec.base.limits import Limits, limits
 from taskspec.base.named import entries_by_name
 from taskspec.language.expressions.check import check_uncalled
-from taskspec.language.expressions.ir import Role, reads
+from taskspec.language.expressions.ir import reads
 from taskspec.language.expressions.scope import FunctionDef
-from taskspec.language.expressions.types import REAL, Refused
+from taskspec.language.expressions.types import REAL, Refused, Role
 from taskspec.language.source import Document, Packed, packed, unpacked
 from taskspec.language.task import declarations, sections
 from taskspec.language.task.annotations import figure, looking, read_examples, remembered, symmetries

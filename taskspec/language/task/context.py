@@ -14,10 +14,10 @@ from taskspec.base.limits import limits
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.parse import literal, parse, parse_into
 from taskspec.language.expressions.scope import Binding, Lazy, Poisoned, Scope, Value, numbered
-from taskspec.language.expressions.types import Domain, Kind, Refused, Shape, shape
+from taskspec.language.expressions.types import Domain, Kind, Refused, Role, Shape, shape
 from taskspec.language.source import Path
 from taskspec.language.task.merge import Merged
 from taskspec.language.task.parts import Component, Parameter, Surface

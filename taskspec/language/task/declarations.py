@@ -12,9 +12,9 @@ from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.language import draws
 from taskspec.language.expressions.calls import static_shape
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Const, Node, Role, have_one_shape, plain, reads
+from taskspec.language.expressions.ir import Const, Node, have_one_shape, plain, reads
 from taskspec.language.expressions.scope import Lazy, Poisoned, Scope, Value
-from taskspec.language.expressions.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type, total_size
+from taskspec.language.expressions.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Role, Type, total_size
 from taskspec.language.expressions.variates import WordLayout, sampler
 from taskspec.language.source import Path
 from taskspec.language.task.context import Context, poison

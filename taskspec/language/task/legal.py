@@ -11,9 +11,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.language import draws
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node, Role, walk
+from taskspec.language.expressions.ir import Node, walk
 from taskspec.language.expressions.scope import Poisoned
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.types import Kind, Role
 from taskspec.language.task.context import Context
 from taskspec.language.task.names import Names
 from taskspec.language.task.spaces import action_layout

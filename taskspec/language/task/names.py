@@ -13,9 +13,9 @@ from taskspec.base.diagnostics import Collector, Span
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.calls import NO_DRAWS, is_function
 from taskspec.language.expressions.check import CONSTANTS
-from taskspec.language.expressions.ir import Draw, Node, Role, reads
+from taskspec.language.expressions.ir import Draw, Node, reads
 from taskspec.language.expressions.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value, named
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.language.source import Path
 from taskspec.language.task.context import Context, poison
 from taskspec.language.task.merge import Merged

@@ -15,9 +15,9 @@ import numpy as np
 
 from taskspec.base.named import entries_by_name
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node, Read, draws
 from taskspec.language.expressions.scope import ClampedIndex, Scope, Value
-from taskspec.language.expressions.types import INT_WIDEST, Domain, Kind, Shape, Type
+from taskspec.language.expressions.types import INT_WIDEST, Domain, Expression, Kind, Role, Shape, Type
 
 __all__ = ["Component", "Parameter"]
 
@@ -156,6 +156,11 @@ class Component:
     def read(self) -> tuple[Role, str]:
         return (Role.STATE, self.name)
 
+    @property
+    def value(self) -> Expression:
+        """Its present value in a state."""
+        return Read(Role.STATE, self.name, self.type, self.least, self.most)
+
 
 def by_name(components: Iterable[Component], values: Iterable[T]) -> dict[str, T]:
     """Return one value for each component, by its name."""
@@ -188,6 +193,11 @@ class Observation:
     nodes: tuple[Node, ...]
     space: SpaceKind = "auto"
     is_state: bool = False  # nothing was declared: the state itself is observed
+
+    @property
+    def is_random(self) -> bool:
+        """True if two observations of one state may differ."""
+        return bool(draws(self.nodes))
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from taskspec.base.named import entries_by_name
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.interval import bounds, single
-from taskspec.language.expressions.ir import Apply, Draw, Node, Read, Role, children, walk
+from taskspec.language.expressions.ir import Apply, Draw, Node, Read, children, walk
 from taskspec.language.expressions.operators import OPERATORS
 from taskspec.language.expressions.scope import Value
-from taskspec.language.expressions.types import INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
+from taskspec.language.expressions.types import INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range, Role
 from taskspec.language.task.parts import Component, Observation
 
 MAX_STEPS = 256

@@ -9,9 +9,9 @@ from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.base.named import all_names, entries_by_name
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.scope import Lazy, Poisoned, Scope, Value
-from taskspec.language.expressions.types import REAL, Type
+from taskspec.language.expressions.types import REAL, Role, Type
 from taskspec.language.source import Path
 from taskspec.language.task import declarations
 from taskspec.language.task import parts as parameters

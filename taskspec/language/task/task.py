@@ -14,8 +14,8 @@ from taskspec.base.display import InNotebooks
 from taskspec.base.ids import InstanceId
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Const, Draw, Node, Read, Role, draws, plain, walk
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.ir import Const, Draw, Node, Read, draws, plain, walk
+from taskspec.language.expressions.types import TIME, Expression, Kind, Role
 from taskspec.language.expressions.variates import WordLayout
 from taskspec.language.source import Document
 from taskspec.language.task import parts
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     import gymnasium
 
     from taskspec.language.task.schema.models import Spec
-
-
-TIME = (Role.TIME, "t")
-"""The read of the steps taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +83,16 @@ class Process:
     """Quantities beside the reward, by name."""
     legal: Node | None = None
     """Whether an action may be taken in a state; None: all may."""
+
+    @property
+    def never_ends(self) -> bool:
+        """True where it is written that no step ends the episode."""
+        return isinstance(self.terminal, Const) and not self.terminal.value
+
+    @property
+    def always_ends(self) -> bool:
+        """True where it is written that every step ends the episode."""
+        return isinstance(self.terminal, Const) and bool(self.terminal.value)
 
     @property
     def step_roots(self) -> tuple[Node, ...]:
@@ -412,7 +418,7 @@ class Task(InNotebooks):
         """All expressions that the task is made of, and the draws that its sections write."""
         yield from (*self.process.nodes, *self.observation.nodes, *self.annotations.nodes)
 
-    def new_builder(self, more: Iterable[Node] = ()) -> Builder:
+    def new_builder(self, more: Iterable[Expression] = ()) -> Builder:
         """Return a builder for nodes made from those of this task: what equals one of them, or of `more`, is that one."""
         return Builder.of((*self.nodes, *self.next_observation, *self.first_observation, *more))
 

@@ -16,9 +16,9 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.language import draws
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.interval import bounds, rounded, single_step
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Role, reads, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, reads, walk
 from taskspec.language.expressions.operators import Operator
-from taskspec.language.expressions.types import INF, INT_MAX, Kind, Range
+from taskspec.language.expressions.types import INF, INT_MAX, TIME, Kind, Range, Role
 from taskspec.language.expressions.variates import VARIATES, WordLayout, words_of
 from taskspec.language.task.parts import Component
 from taskspec.language.task.reach import over, reach, widest
@@ -283,7 +283,7 @@ def _emit(
     """Return statements for the roots of a phase, and the source of each root."""
     b = Builder.of(roots)
     lowered = folded(b, compared(b, roots, library.BIAS))
-    names = {(Role.TIME, "t"): "t"}
+    names = {TIME: "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
         names |= {(role, c.name): s for c, s in zip(components, names_of(prefix, components), strict=True)}
     names |= {(Role.PARAMETER, name): source for name, source in open_names(task).items()}

@@ -10,9 +10,9 @@ from typing import Any
 
 from taskspec.base.named import all_names
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Const, Draw, Node, Role
+from taskspec.language.expressions.ir import Const, Draw, Node
 from taskspec.language.expressions.operators import OPERATORS
-from taskspec.language.expressions.types import INT_MAX, Kind, Type
+from taskspec.language.expressions.types import INT_MAX, TIME, Kind, Role, Type
 from taskspec.language.expressions.variates import VARIATES, words_of
 from taskspec.language.expressions.variates import WordLayout as WordLayout
 from taskspec.language.task.spaces import SpaceLayout
@@ -140,7 +140,7 @@ class Loop:
 
 def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting: bool) -> Loop:
     """Emit roots; lane `j` is read, and random numbers of place `at`."""
-    names: dict[tuple[Role, str], LaneValue] = {(Role.TIME, "t"): LaneValue(["t"])}
+    names: dict[tuple[Role, str], LaneValue] = {TIME: LaneValue(["t"])}
     for c, rows in zip(p.task.state, p.states, strict=True):
         names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
     for i, c in enumerate(p.task.action if acting else ()):

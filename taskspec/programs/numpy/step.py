@@ -11,8 +11,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.language.expressions.batch import UNSORTED, Runtime, network
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, plain, walk
+from taskspec.language.expressions.types import TIME, Kind, Role
 from taskspec.language.expressions.variates import many
 from taskspec.language.task.parts import by_read
 from taskspec.language.task.spaces import SpaceLayout
@@ -137,7 +137,7 @@ def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
 
 
 def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
-    names = {(Role.TIME, "t"): "t"}
+    names = {TIME: "t"}
     names |= by_read(Role.STATE, task.state, states)
     names |= by_read(Role.ACTION, task.action, actions)
     names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Node, Role
-from taskspec.language.expressions.types import Type
+from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import TIME, Role, Type
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
 from taskspec.programs import indent, names_of
@@ -79,7 +79,7 @@ def _lane(
 ) -> LaneEmitter:  # fmt: skip
     """Return an emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
     task = parts.task
-    names = {(Role.TIME, "t"): LaneValue(["t"])}
+    names = {TIME: LaneValue(["t"])}
     for c, name in zip(task.state, states, strict=True):
         names[Role.STATE, c.name] = _held(name, c.type)
     for c, value in zip(task.action, actions, strict=False):

@@ -14,9 +14,9 @@ from taskspec.base.arrays import Array
 from taskspec.language import draws
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, rewrite, walk
 from taskspec.language.expressions.operators import OPERATORS
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.programs.lowering import WIDE, everywhere, maximal_draws, word_names

@@ -11,7 +11,7 @@ from typing import TypeVar
 from taskspec.exact.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.exact.rules.claim_rules import MODELS, RESULTS
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import Role
 from taskspec.language.modifiers import sentences
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.names import expression

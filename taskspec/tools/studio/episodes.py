@@ -24,7 +24,7 @@ from taskspec.exact.solve.plans import MaxEnt, tables
 from taskspec.exact.solve.solve import visits_by_time
 from taskspec.exact.soundness.phases import entries
 from taskspec.exact.soundness.places import SectionScope, narrow
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import TIME
 from taskspec.language.task.task import Task
 from taskspec.show.figures import scene, svg
 from taskspec.show.figures.overlays import Overlay
@@ -150,7 +150,7 @@ def _lines(task: Task, model: Model) -> list[set[int]]:
     found: list[set[int]] = [set() for _ in model.codes]
     for s, a in np.ndindex(model.n_states, model.n_actions):
         reads = model.states.decode(model.codes[s : s + 1]) | model.actions.decode(np.array([a]))
-        reads[Role.TIME, "t"] = np.zeros(1, np.int64)
+        reads[TIME] = np.zeros(1, np.int64)
         for expr, scope in written:
             span = narrow(expr, scope, reads).place.span
             if span.origin.name == task.source.document.origin.name:

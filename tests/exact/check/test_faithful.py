@@ -19,9 +19,10 @@ from taskspec.exact.scores.returns import Results
 from taskspec.language import source
 from taskspec.language.expressions.check import Checker
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.parse import parse_into
 from taskspec.language.expressions.syntax import SourceText
+from taskspec.language.expressions.types import Role
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 

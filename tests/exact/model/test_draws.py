@@ -12,8 +12,8 @@ from taskspec.exact.model.transitions import branches, count, is_finite
 from taskspec.language import draws, source
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Role
 from taskspec.language.expressions.ir import draws as draws_below
+from taskspec.language.expressions.types import Role
 from taskspec.language.expressions.variates import WordLayout, batch_sampler, sampler
 from taskspec.language.task.build import build
 

@@ -17,7 +17,8 @@ from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.solve import solve
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Draw, Role
+from taskspec.language.expressions.ir import Draw
+from taskspec.language.expressions.types import Role
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task

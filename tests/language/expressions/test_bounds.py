@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Node, Role
-from taskspec.language.expressions.types import INT, INT_MAX, REAL, Kind, Type
+from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import INT, INT_MAX, REAL, Kind, Role, Type
 from tests.shared.sparse import sparse
 from tests.verification.fuzz.bounds import COMPILED, EVERY, QUICK, breaches
 

@@ -11,8 +11,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.interval import single
-from taskspec.language.expressions.ir import Node, Role
-from taskspec.language.expressions.types import REAL
+from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import REAL, Role
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from tests.conftest import needs_vectors

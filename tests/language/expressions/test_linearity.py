@@ -12,10 +12,10 @@ import pytest
 
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Node, Role
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.operators import OPERATORS
 from taskspec.language.expressions.operators.vectors import STRUCTURES
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.types import Kind, Role
 from tests.shared.values import kind_of, type_of
 
 STEPS = {Kind.BOOL: (False, True, True), Kind.INT: (0, 1, 2), Kind.REAL: (0.0, 0.5, 1.0)}

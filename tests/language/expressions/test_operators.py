@@ -21,10 +21,10 @@ from taskspec.language.expressions import batch
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import CATEGORICAL, DISTS
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Apply, Const, Node, Read, Role, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Const, Node, Read, rewrite, walk
 from taskspec.language.expressions.operators import FUNCTIONS, OPERATORS
 from taskspec.language.expressions.operators.vectors import STRUCTURES
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.language.expressions.variates import WordLayout, batch_sampler, sampler, words_of
 from taskspec.programs import scalar
 from taskspec.programs.lane_form import LaneEmitter, LaneValue

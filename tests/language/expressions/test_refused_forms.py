@@ -8,7 +8,7 @@ import pytest
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import Role
 from taskspec.language.printers import text as printed
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build

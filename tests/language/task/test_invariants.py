@@ -10,8 +10,8 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.language.expressions.ir import Apply, Const, Draw, Read, Role
-from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Type
+from taskspec.language.expressions.ir import Apply, Const, Draw, Read
+from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Role, Type
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build, build_abstract
 from taskspec.language.task.parts import Figure, Symmetry

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Node, Read, Role
+from taskspec.language.expressions.ir import Node, Read
 from taskspec.language.expressions.operators import FUNCTIONS, OPERATORS
-from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Refused, Type
+from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Refused, Role, Type
 
 Flat = tuple[Any, ...]
 INF, NAN = math.inf, math.nan

@@ -11,8 +11,8 @@ import numpy as np
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
-from taskspec.language.expressions.ir import Node, Role, plain
-from taskspec.language.expressions.types import Kind, Type
+from taskspec.language.expressions.ir import Node, plain
+from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.programs import scalar as scalars
 from taskspec.programs.array_form import ArrayForm, Scratch, arrays
 from taskspec.programs.lane_form import LaneEmitter, LaneValue

@@ -19,12 +19,13 @@ from taskspec.exact.abstraction.verify import MOST, MOST_ENTRIES, Uncompared, di
 from taskspec.exact.check.report import check
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
-from taskspec.exact.model.transitions import TIME, picked
+from taskspec.exact.model.transitions import picked
 from taskspec.exact.rules.examples import wrong_examples
 from taskspec.exact.soundness.soundness import cases, check_ranges
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.interval import NormalForms
-from taskspec.language.expressions.ir import Read, Role, draw_sites, draws, reads
+from taskspec.language.expressions.ir import Read, draw_sites, draws, reads
+from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.expressions.variates import VARIATES
 from taskspec.language.source import Document, read_file
 from taskspec.language.task.build import build

@@ -20,8 +20,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.named import entries_by_name
 from taskspec.language import draws
 from taskspec.language.expressions.batch import DTYPES
-from taskspec.language.expressions.ir import Draw, Node
+from taskspec.language.expressions.ir import Draw
 from taskspec.language.expressions.ir import draws as draws_below
+from taskspec.language.expressions.types import Expression
 from taskspec.language.expressions.variates import choices, quantities
 from taskspec.language.expressions.variates.entry import Flat, Variate, Words
 
@@ -42,7 +43,7 @@ class WordLayout:
     count: int
 
     @classmethod
-    def of(cls, roots: Iterable[Node]) -> WordLayout:
+    def of(cls, roots: Iterable[Expression]) -> WordLayout:
         """Return the layout of the draws that some expressions are made of."""
         return cls.dealt(draws_below(roots))
 
