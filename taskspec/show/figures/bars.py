@@ -12,10 +12,10 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed, plural
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Node, Read
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.interval import bounds
+from taskspec.language.expressions.types import Expression, Kind, Role
 from taskspec.language.printers import tree as m
+from taskspec.language.task.questions import component, elements
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
 from taskspec.show.figures.overlays import Overlay
@@ -45,7 +45,7 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
     node = _vector(task)
     if node is None or (len(node.type.shape) == 2 and max(node.type.shape) > MOST_SQUARES):
         return None
-    if isinstance(node, Apply) and node.op == "vector" and len(node.type.shape) == 1 and node.type.size <= FOLLOWED:
+    if elements(node) is not None and len(node.type.shape) == 1 and node.type.size <= FOLLOWED:
         return series(task, overlay)
     changes, whose = _episode(task, node, overlay)
     times = [t for t, _ in changes]
@@ -84,7 +84,7 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
     return sc.fitted(items, f"A state of {task.name} as {alt}", notes)
 
 
-def _episode(task: Task, node: Node, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
+def _episode(task: Task, node: Expression, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
     """Return the states of an episode between which the vector changes, with their times, and whose episode it is."""
     if overlay.here is not None:
         return [(0, dict(overlay.here))], ""
@@ -97,7 +97,7 @@ def _episode(task: Task, node: Node, overlay: Overlay) -> tuple[list[tuple[int, 
     return max(found, key=lambda each: (len(each), len(set(at_state(task, node, each[0][1]).flat)))), whose
 
 
-def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
+def _changes(task: Task, node: Expression, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
     rows = [at_state(task, node, state) for state in path]
     return [(i, state) for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
@@ -121,15 +121,14 @@ def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator
     yield sc.Label((between, y), m.Sym(relation), LETTERS)
 
 
-def _vector(task: Task) -> Node | None:
+def _vector(task: Task) -> Expression | None:
     """Return the vector or the matrix that is drawn."""
     values = figure_of(task).values
-    b = Builder()
-    nodes = [b.read(*c.read, c.type, c.least, c.most) for c in task.state] if values is None else [values]
+    nodes = [c.value for c in task.state] if values is None else [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
-def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
+def _colors(task: Task, node: Expression, state: State) -> list[sc.Color]:
     """Return the colours of elements: for a condition those for which it holds, for a slice those in it.
 
     The slice is taken of the vector's indices, and so says which elements are meant.
@@ -137,14 +136,15 @@ def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
     count = node.type.size
     colors: list[sc.Color] = ["accent"] * count
     reads = reads_of(task, state)
+    own = component(node)
     for name, part in figure_of(task).highlight.items():
         if name not in sc.HIGHLIGHTS:
             continue
         if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):
             chosen = np.flatnonzero(np.broadcast_to(at_states(task, part, reads)[0], count))
-        elif isinstance(node, Read) and len(part.type.shape) == 1 and part.type.kind in (node.type.kind, Kind.INT):
-            own = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
-            chosen = at_states(task, part, reads | own)[0].astype(int)
+        elif own is not None and len(part.type.shape) == 1 and part.type.kind in (node.type.kind, Kind.INT):
+            indices = {(Role.STATE, own): np.arange(count, dtype=float)[:, None]}
+            chosen = at_states(task, part, reads | indices)[0].astype(int)
         else:
             continue
         for i in chosen[(chosen >= 0) & (chosen < count)].tolist():
@@ -152,11 +152,10 @@ def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
     return colors
 
 
-def _bound(node: Node) -> float | None:
-    if isinstance(node, Read):
-        most = max(abs(node.low), abs(node.high))
-    else:
-        most = math.inf
+def _bound(node: Expression) -> float | None:
+    if component(node) is None:
+        return None
+    most = max(map(abs, bounds(node, {})))
     if 0 < most < math.inf:
         return most
     return None
@@ -181,7 +180,7 @@ def _bars(values: Array, colors: list[sc.Color], most: float | None = None) -> I
     yield sc.Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
 
 
-def _board(task: Task, node: Node, values: Array, is_frame: bool) -> sc.Scene:
+def _board(task: Task, node: Expression, values: Array, is_frame: bool) -> sc.Scene:
     """Return a matrix as a board, its signs in two colours; in place of an empty first state, one after a few steps."""
     notes: tuple[str, ...] = ()
     if not values.any() and not is_frame:

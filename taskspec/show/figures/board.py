@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
-from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import Role
 from taskspec.language.printers import tree as m
 from taskspec.language.task.task import Task
 from taskspec.show.figures.shapes import (

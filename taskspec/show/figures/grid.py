@@ -12,8 +12,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.display import plural
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
-from taskspec.language.expressions.ir import Node, Read, reads
-from taskspec.language.expressions.ir import Role as Reading
+from taskspec.language.expressions.interval import bounds
+from taskspec.language.expressions.types import Expression, Role
+from taskspec.language.task.questions import component, components_read, reads_time, unchanged
 from taskspec.language.task.task import Task
 from taskspec.show.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.show.figures.overlays import Overlay
@@ -24,7 +25,6 @@ from taskspec.show.figures.states import (
     at_states,
     figure_of,
     first_state,
-    is_noisy,
     observed,
     reads_of,
 )
@@ -49,7 +49,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
     grid = _Grid(task, overlay)
     world = all_states(task)
     drawn = grid.window() if world is None else grid.whole(*world)
-    if drawn is None or overlay.here is not None or not is_noisy(task):
+    if drawn is None or overlay.here is not None or not task.observation.is_random:
         return drawn
     strip = fitted(observed(task), "", margin=0.0)  # below the grid, what the agent sees of a first state
     left = max(0.0, (strip.width - drawn.width) / 2)
@@ -76,7 +76,7 @@ class _Grid:
                 if char not in FLOOR and (x, y) not in hidden:
                     self.letters[x, y] = char
 
-    def numbers(self, place: Iterable[Node], reads: Reads, count: int = 1) -> Array:
+    def numbers(self, place: Iterable[Expression], reads: Reads, count: int = 1) -> Array:
         """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""
         found = [at_states(self.task, node, reads, count) for node in place]
         if len(found) == 1:
@@ -140,7 +140,7 @@ class _Grid:
                 colors |= {_cell(point): role for point in found}
         agents = self._agents(by_code)
         if self.things and overlay.here is None:  # which belong to one state
-            space = Space(self.task.state, Reading.STATE)
+            space = Space(self.task.state, Role.STATE)
             code = int(space.encode([self.reads[c.read] for c in self.task.state], 1)[0][0])
             agents = {by_code[code]: 1.0}
         values = _by_cell(by_code, overlay.values, max)
@@ -199,7 +199,7 @@ class _Grid:
 
     def _bounds(self) -> tuple[range, range] | None:
         place = self.figure.at
-        ends = [(node.low, node.high) for node in place[:2] if isinstance(node, Read)]
+        ends = [bounds(node, {}) for node in place[:2] if component(node) is not None]
         if self.figure.map:
             ends = [(0, len(self.figure.map[0]) - 1), (0, len(self.figure.map) - 1)]
         elif len(place) == 1:
@@ -211,11 +211,8 @@ class _Grid:
 
     def _stay(self) -> bool:
         """Return whether no step changes what is marked."""
-        after = {c.read: node for c, node in zip(self.task.state, self.task.process.next, strict=True)}
-        for key in reads(self.figure.highlight.values()):
-            if not isinstance(after.get(key), Read) or reads([after[key]]) != {key}:
-                return False
-        return True
+        marked = self.figure.highlight.values()
+        return not reads_time(marked) and components_read(marked) <= unchanged(self.task)
 
 
 def _whole_numbers(places: Array) -> Array:

@@ -13,12 +13,13 @@ from taskspec.base.display import number, plural
 from taskspec.base.limits import limits
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
-from taskspec.language.expressions.ir import Role, reads
+from taskspec.language.expressions.types import Role
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.names import Notation, of_task
 from taskspec.language.printers.text import plain
 from taskspec.language.registry import load
 from taskspec.language.task.parts import DEFAULT, Component
+from taskspec.language.task.questions import reads_time
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
 from taskspec.show.figures.overlays import Overlay
@@ -161,7 +162,7 @@ def explore(task: Task) -> Machine | None:
 @lru_cache(maxsize=8)
 def _explored(task: Task) -> Machine | None:
     """Explore a task once, for all its overlays; equal tasks may have other figure sections."""
-    if not task.is_finite or (Role.TIME, "t") in reads((*task.process.next, task.process.reward)):
+    if not task.is_finite or reads_time((*task.process.next, task.process.reward)):
         return None
     try:
         steps = Steps(task)

@@ -13,12 +13,12 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.display import plural
 from taskspec.exact.model.space import Space
-from taskspec.language.expressions import batch, interval
-from taskspec.language.expressions.ir import Apply, Node, Read, draws, walk
-from taskspec.language.expressions.ir import Role as Reading
+from taskspec.language.expressions import batch
+from taskspec.language.expressions.types import TIME, Expression, Role
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.names import of_task
-from taskspec.language.task.parts import are_finite, by_name
+from taskspec.language.task.parts import are_finite
+from taskspec.language.task.questions import component, is_random, period
 from taskspec.language.task.task import Task
 from taskspec.show.figures.board import central
 from taskspec.show.figures.overlays import Overlay
@@ -110,22 +110,11 @@ def _round_numbers(low: float, high: float) -> list[float]:
 # Figures.
 
 
-def turn(task: Task, node: Node) -> float:
-    """Return the largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
-    if isinstance(node, Read) and node.role is Reading.STATE:
-        later = by_name(task.state, task.process.next)[node.name]
-        if any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
-            low, high = interval.bounds(later, {})
-            if math.isfinite(high - low):
-                return (high - low) / 2
-    return math.inf
-
-
-def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[slice]:
-    """Yield stretches of two points or more of a path, each without a step of a coordinate that is more than its turn."""
+def runs(points: Sequence[Sequence[float]], periods: Sequence[float]) -> Iterator[slice]:
+    """Yield stretches of two points or more of a path, each without a step of a coordinate over more than half of its period."""
     breaks = [0]
     for i in range(1, len(points)):
-        if any(abs(b - a) > most for a, b, most in zip(points[i - 1], points[i], turns, strict=True)):
+        if any(abs(b - a) > most / 2 for a, b, most in zip(points[i - 1], points[i], periods, strict=True)):
             breaks.append(i)
     for first, last in zip(breaks, [*breaks[1:], len(points)], strict=True):
         if last - first > 1:
@@ -138,7 +127,8 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     if figure.curve is None or len(figure.at) != 2:
         return None
     place, level = figure.at
-    if not isinstance(place, Read):
+    across = component(place)
+    if across is None:
         return None
     along = expert_path(task, 20 if task.horizon is None else 100, SEED)
     shown = along if overlay.here is None else [dict(overlay.here)]
@@ -152,17 +142,16 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     else:
         xs = np.linspace(low - 0.1 * (high - low), high + 0.15 * (high - low), SAMPLES)
     reads = {key: np.repeat(v, SAMPLES, axis=-1) for key, v in reads_of(task, shown[0]).items()}
-    ys = at_states(task, figure.curve, reads | {(Reading.STATE, place.name): xs}, SAMPLES)
+    ys = at_states(task, figure.curve, reads | {(Role.STATE, across): xs}, SAMPLES)
     line = list(zip(xs.tolist(), ys.tolist(), strict=True))
     heights = [y for _, y in (*line, *path, *dots)]
     plot = Axes((float(xs[0]), float(xs[-1])), (min(heights), max(heights)))
     names = of_task(task)
-    symbols: list[m.Math] = [names.symbol(place.name), m.Ident("y")]
-    if isinstance(level, Read):
-        symbols[1] = names.symbol(level.name)
+    up = component(level)
+    symbols: list[m.Math] = [names.symbol(across), m.Ident("y") if up is None else names.symbol(up)]
     items: list[Item] = [*plot.arrows(symbols)]
     items.append(Line(tuple(starmap(plot.at, line)), color="accent", width=0.07))
-    for run in runs(dots, [turn(task, node) for node in figure.at]):
+    for run in runs(dots, [period(task, node) for node in figure.at]):
         items.append(Line(tuple(starmap(plot.at, dots[run])), color="second", width=0.03))
     every = -(-len(dots) // MOST_DOTS)
     items += [Circle(plot.at(*p), 0.05, "ink", None) for p in dots[::every]]
@@ -173,7 +162,7 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     return fitted(items, f"Curve of {task.name}, with the places of an episode marked on it", notes)
 
 
-def _place(task: Task, at: Sequence[Node], state: dict[str, Any]) -> Point:
+def _place(task: Task, at: Sequence[Expression], state: dict[str, Any]) -> Point:
     x, y = (float(at_state(task, node, state)) for node in at)
     return x, y
 
@@ -184,9 +173,9 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     What is highlighted is shaded, everything but the two components being as in the first state.
     """
     at = figure_of(task).at
-    known = {c.name: c for c in task.state}
-    pair = [known[node.name] for node in at if isinstance(node, Read) and not node.type.shape]
-    if len(pair) != 2 or len(at) != 2 or draws(task.process.next):
+    shown = [component(node) for node in at]
+    pair = [c for name in shown for c in task.state if c.name == name and not c.type.shape]
+    if len(pair) != 2 or len(at) != 2 or is_random(task.process.next):
         return None
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
     path = expert_path(task) if overlay.here is None else [dict(overlay.here)]
@@ -198,7 +187,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     dots = list(starmap(plot.at, np.clip(places, *np.transpose(ends)).tolist()))
     names = of_task(task)
     items: list[Item] = [*plane.shades(), *plot.arrows([names.symbol(c.name) for c in pair]), *plane.flow()]
-    for run in runs(places.tolist(), [turn(task, node) for node in at]):
+    for run in runs(places.tolist(), [period(task, node) for node in at]):
         items.append(Line(tuple(dots[run]), color="accent", width=0.05))
     items.append(Circle(dots[0], 0.09, "ink", None))
     action = "the middle action"
@@ -230,7 +219,7 @@ class _Plane:
         )
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
-        return points, reads | {(Reading.STATE, name): points[:, i] for i, name in enumerate(self.pair)}
+        return points, reads | {(Role.STATE, name): points[:, i] for i, name in enumerate(self.pair)}
 
     def shades(self) -> Iterator[Item]:
         """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
@@ -256,7 +245,7 @@ class _Plane:
     def flow(self) -> Iterator[Line]:
         """Yield arrows for one step from points of the plane, the longest as long as there is room."""
         points, reads = self.grid(ACROSS, DOWN)
-        reads |= _neutral(self.task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
+        reads |= _neutral(self.task) | {TIME: np.zeros(1, dtype=np.int64)}
         after = dict(zip((c.name for c in self.task.state), batch.evaluate(self.task.process.next, reads), strict=True))
         targets = np.stack([np.broadcast_to(after[name], len(points)) for name in self.pair], axis=-1).astype(float)
         led = np.isfinite(targets).all(1)
@@ -272,12 +261,12 @@ class _Plane:
 
 def _neutral(task: Task) -> Reads:
     if are_finite(task.action):
-        space = Space(task.action, Reading.ACTION)
+        space = Space(task.action, Role.ACTION)
         return dict(space.decode(np.array([space.size // 2])))
     found: Reads = {}
     for c in task.action:
         middle = (min(c.low) + max(c.high)) / 2
-        found[Reading.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
+        found[Role.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
     return found
 
 

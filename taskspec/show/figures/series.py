@@ -9,18 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.base.display import plural
-from taskspec.language.expressions import interval
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Node, Read
+from taskspec.language.expressions.interval import bounds
+from taskspec.language.expressions.types import Expression
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.expressions import mathematics
 from taskspec.language.printers.names import expression, of_task
 from taskspec.language.printers.pieces import indexed
 from taskspec.language.task.parts import Component
+from taskspec.language.task.questions import component, constant, elements, period
 from taskspec.language.task.task import Task
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, runs, turn
+from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, runs
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.show.figures.states import STEPS, State, at_state, episode_path, figure_of
 
@@ -37,12 +37,12 @@ AFTER = 2.8
 
 @dataclass(frozen=True)
 class _Number:
-    """A number to follow: its symbol, its values, the bounds that the spec has for it, and its steps that are no lines."""
+    """A number to follow: its symbol, its values, the bounds that the spec has for it, and the range that it goes around."""
 
     symbol: m.Math
     values: Sequence[float]
     ends: tuple[float, float]
-    turn: float = math.inf
+    period: float = math.inf
 
 
 def series(task: Task, overlay: Overlay) -> Scene | None:
@@ -127,7 +127,7 @@ def _panel(
     heights = [top + PANEL * (high - value) / (high - low) for value in number.values]
     points = [(WIDTH * t / span, y) for t, y in zip(times, heights, strict=True)]
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
-    for run in runs([(v,) for v in number.values], (number.turn,)):
+    for run in runs([(v,) for v in number.values], (number.period,)):
         yield Line(tuple(points[run]), color="accent", width=0.05)
     if len(points) <= FEW_STEPS and not is_frame:
         for point in points:
@@ -158,28 +158,24 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     if node is None:
         names = of_task(task)
         for c in filter(_is_followed, task.state):
-            read = Builder().read(*c.read, c.type, c.least, c.most)
             rows = np.array([np.asarray(state[c.name], dtype=float).reshape(-1) for state in path])
-            step = turn(task, read) if c.type.is_scalar else math.inf
+            around = period(task, c.value) if c.type.is_scalar else math.inf
             for i in range(c.type.size):
                 symbol = names.symbol(c.name)
                 if not c.type.is_scalar:
                     symbol = indexed(symbol, m.Num(str(i)))
-                found.append(_Number(symbol, rows[:, i].tolist(), (float(c.low[i]), float(c.high[i])), step))
+                found.append(_Number(symbol, rows[:, i].tolist(), (float(c.low[i]), float(c.high[i])), around))
         return found
     rows = np.array([at_state(task, node, state).reshape(-1) for state in path])
-    if isinstance(node, Apply) and node.op == "vector":
-        parts = node.args
-    else:
-        parts = (node,) * node.type.size
+    parts = elements(node) or (node,) * node.type.size
     for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False)):
-        if isinstance(part, Const):  # a parameter beside the numbers that change
+        if constant(part) is not None:  # a parameter beside the numbers that change
             continue
-        found.append(_Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part)))
+        found.append(_Number(symbol, rows[:, i].tolist(), bounds(part, {}), period(task, part)))
     return found
 
 
-def _symbols(task: Task, node: Node) -> list[m.Math]:
+def _symbols(task: Task, node: Expression) -> list[m.Math]:
     names = of_task(task)
     written = None if task.spec.figure is None else task.spec.figure.values
     whole = expression("v" if written is None else written)
@@ -188,6 +184,6 @@ def _symbols(task: Task, node: Node) -> list[m.Math]:
     base = mathematics(whole, names)
     if not node.type.shape:
         return [base]
-    if not isinstance(node, Read):
+    if component(node) is None:
         base = m.brackets(base)
     return [m.Script(base, sub=m.Num(str(i))) for i in range(node.type.size)]

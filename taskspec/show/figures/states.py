@@ -15,13 +15,12 @@ from taskspec.exact.rollout.rollout import Rollout, at_random, by_expert
 from taskspec.language import draws
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.evaluate import Flat, evaluate
-from taskspec.language.expressions.ir import Node, Role
-from taskspec.language.expressions.ir import draws as draws_of
-from taskspec.language.expressions.types import Kind
+from taskspec.language.expressions.types import TIME, Expression, Kind, Role
 from taskspec.language.expressions.variates import sampler
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.names import of_task
 from taskspec.language.task.parts import DEFAULT, Component, Figure
+from taskspec.language.task.questions import is_random
 from taskspec.language.task.task import Task
 from taskspec.show.figures.shapes import Box, Item, Label, Line, Scene, fitted, text_width
 
@@ -31,9 +30,9 @@ STEPS = 200  # steps of an episode that are followed
 MANY = 20_000  # states that are drawn all at once
 
 
-def at_states(task: Task, node: Node, reads: Reads, count: int = 1) -> Array:
+def at_states(task: Task, node: Expression, reads: Reads, count: int = 1) -> Array:
     """Return values (count, *shape) of a node at states given as arrays (*shape, count)."""
-    given = {(Role.TIME, "t"): np.zeros(1, dtype=np.int64)} | reads
+    given = {TIME: np.zeros(1, dtype=np.int64)} | reads
     (found,) = batch.evaluate([node], given)
     return np.moveaxis(np.broadcast_to(found, (*found.shape[:-1], count)), -1, 0)
 
@@ -43,7 +42,7 @@ def figure_of(task: Task) -> Figure:
     return task.annotations.figure or Figure(DEFAULT)
 
 
-def at_state(task: Task, node: Node, state: State) -> Array:
+def at_state(task: Task, node: Expression, state: State) -> Array:
     found: Array = at_states(task, node, reads_of(task, state))[0].astype(float)
     return found
 
@@ -82,7 +81,7 @@ def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str,
     """Return states of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
     task = task.remembering()
     expert = task.annotations.expert
-    if not isinstance(expert, tuple) or draws_of((*task.process.next, task.process.terminal, *expert)):
+    if not isinstance(expert, tuple) or is_random((*task.process.next, task.process.terminal, *expert)):
         return [first_state(task, seed)]
     path, _ = episode_path(task, steps, seed)
     return path
@@ -92,7 +91,7 @@ def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[di
     """Return states of an episode of the expert where its actions are expressions, else of random actions; and whose it is."""
     task = task.remembering()
     expert = task.annotations.expert
-    is_expert = isinstance(expert, tuple) and not draws_of(expert)
+    is_expert = isinstance(expert, tuple) and not is_random(expert)
     choose = by_expert(task) if is_expert else at_random(task)
     rollout = Rollout(task, 1, seed)
     rng = np.random.default_rng(seed)
@@ -118,11 +117,6 @@ MOST = 100  # elements of a vector that are drawn
 ELEMENTS = 6
 TABLE_WIDTH = 9.0
 FRAME_LETTERS = 44
-
-
-def is_noisy(task: Task) -> bool:
-    """Return whether observations of one state differ, so that a picture of the state is not all of it."""
-    return bool(draws_of(task.observation.nodes))
 
 
 def observed(task: Task) -> Iterator[Item]:
