@@ -261,6 +261,10 @@ def _whole(expr: s.Expr, c: Component) -> str:
 # What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far.
 
 
+EXPRESSIONS = ("definitions", "noise", "initial", "dynamics", "observation", "measures")
+"""Sections of named expressions."""
+
+
 class Context:
     """The state of one build; its parts fill in the attributes in the order of the pipeline."""
 
@@ -283,7 +287,8 @@ class Context:
         self.horizon: int | None = None
         self.raw_initial: dict[str, Node] = {}
         """Initial values as they are written, in and out of range."""
-        self.exprs: dict[str, Any] = {}  # parsed sections
+        self.exprs: dict[str, Any] = {section: {} for section in EXPRESSIONS}
+        """The parsed sections; empty until they are parsed, where a mistake comes before."""
         self.scopes: list[Scope] = []  # every scope made, for what was used
         self.named_scopes: dict[str, Scope] = {}
         self.shapes: dict[str, Shape] = {}  # of definitions and of noise

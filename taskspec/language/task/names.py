@@ -96,7 +96,7 @@ class Names:
         for c in (*context.state, *context.action):
             bindings[c.name] = Unavailable("E302", message.format(c.name), hint)
         bindings |= visible
-        for name in context.exprs.get("observation", {}):
+        for name in context.exprs["observation"]:
             if section != "done" and name not in visible:  # it is broken (and reported)
                 bindings[name] = bindings[name + "'"] = Lazy(poison)
         return self._finished(section, bindings)
@@ -146,7 +146,7 @@ class Names:
             if section == "expert":
                 bindings[c.name] = context.bound(c, Role.STATE)
         known = Scope(bindings, context.domains)
-        for name in context.exprs.get("observation", {}) if section == "expert" else ():
+        for name in context.exprs["observation"] if section == "expert" else ():
             if not known.is_label(name):
                 bindings.setdefault(name, self._observed(name))
 
@@ -190,7 +190,7 @@ class Names:
             Poisoned: when the condition is broken; its mistakes are reported once.
         """
         if self._end is None:
-            expr = self.context.exprs["terminal"]
+            expr = self.context.exprs.get("terminal")
             self._end = Poisoned()
             if expr is not None:
                 self._end = Value(self.context.checker.condition(expr, self.scope("terminal")), late=True)
@@ -213,7 +213,7 @@ class Names:
         """Return a noise entry: drawn once per step, the same draw wherever it is named."""
         builder = self.context.builder
         if name not in self._noise:
-            expr = self.context.exprs["noise"][name]
+            expr = self.context.exprs["noise"].get(name)
             if expr is None:
                 raise Poisoned
             with self.context.guard(name, expr), builder.written() as draws:
@@ -239,7 +239,7 @@ class Names:
 
     def _bind_definitions(self, bindings: dict[str, Binding], scope: Scope) -> None:
         context = self.context
-        for written, expr in context.exprs.get("definitions", {}).items():
+        for written, expr in context.exprs["definitions"].items():
             name, arguments = signature(written)
             if expr is None:
                 bindings[name] = context.lazy(name, poison)

@@ -15,7 +15,7 @@ from taskspec.language.expressions.types import REAL, Role, Type
 from taskspec.language.source import Path
 from taskspec.language.task import declarations
 from taskspec.language.task import parts as parameters
-from taskspec.language.task.context import Context, poison
+from taskspec.language.task.context import EXPRESSIONS, Context, poison
 from taskspec.language.task.names import Names
 from taskspec.language.task.parts import FINITE_SPACES, Claim, Component, Observation, Soft, counts_of
 from taskspec.language.task.reach import Observed, kept, reach, saturated, too_wide, widest
@@ -25,8 +25,8 @@ Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 def parse_sections(context: Context) -> None:
     """Read the expressions of every section, reporting all syntax errors."""
-    for section in ("definitions", "noise", "initial", "dynamics", "observation", "measures"):
-        exprs = context.exprs[section] = {}
+    for section in EXPRESSIONS:
+        exprs = context.exprs[section]
         for name, value in (context.data.get(section) or {}).items():
             is_measure = section == "measures" and isinstance(value, dict) and "value" in value
             if is_measure or (section == "observation" and is_bounded(value)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
 from taskspec.language.expressions import syntax as s
@@ -37,6 +38,17 @@ class Analysis:
     document: Document | None
     attempts: tuple[Attempt, ...]
     diagnostics: tuple[Diagnostic, ...]
+
+    @property
+    def sections(self) -> dict[str, Any]:
+        """The sections as they are written; none where the text is no mapping."""
+        data = self.document.data if self.document else None
+        return data if isinstance(data, dict) else {}
+
+    def entries(self, section: str) -> list[str]:
+        """Return the names of the entries of a section; none where it has no entries."""
+        written = self.sections.get(section)
+        return list(written) if isinstance(written, dict) else []
 
     def attempt(self, path: Path) -> Attempt | None:
         """Return what was made of the spec or the variant that a path is in."""
@@ -122,7 +134,6 @@ def _made(names: Names, section: str) -> Scope | None:
     if section not in ("dynamics", "reward", "measures", "terminal", "observation", "expert", "absorbing", "noise",
                        "claims", "figure", "legal"):  # fmt: skip
         return None
-    names.context.exprs.setdefault("definitions", {})
     return names.scope(section)
 
 

@@ -69,7 +69,7 @@ def _keys(analysis: Analysis, inside: Path, word: str) -> Iterator[Completion]:
 
 
 def _present(analysis: Analysis, path: Path) -> set[str]:
-    node: Any = analysis.document.data if analysis.document else {}
+    node: Any = analysis.sections
     for step in path:
         try:
             node = node[step]
@@ -126,23 +126,21 @@ def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]
 
 def _words(analysis: Analysis, path: Path) -> Iterable[str]:
     """Return the words that only one entry takes: names of variants, constants and measures among them."""
-    data = analysis.document.data if analysis.document else {}
-    variants = data.get("variants") or {}
     match own(path):
         case ("expert",):
             return ("optimal",)
         case ("horizon",):
             return ("none",)
         case ("figure", "map"):
-            return list(data.get("constants") or ())
+            return analysis.entries("constants")
         case ("roles", _):
-            return list(variant_names(data))
+            return list(variant_names(analysis.sections))
         case ("claims", *_):
-            return list(data.get("measures") or ())
+            return analysis.entries("measures")
         case ("parameters", _, "default"):
             return ("true", "false")
         case (*_, "base"):
-            return list(variants)
+            return analysis.entries("variants")
         case (_,) if path[:1] == ("variants",):
             return ("null",)
     return ()
@@ -150,7 +148,7 @@ def _words(analysis: Analysis, path: Path) -> Iterable[str]:
 
 def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
     """Yield the variables of comprehensions and the arguments of a definition in which an expression stands."""
-    written: Any = analysis.document.data if analysis.document else None
+    written: Any = analysis.sections
     for step in path:
         try:
             written = written[step]

@@ -144,9 +144,10 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
         yield document.span(declared) if isinstance(declared[-1], int) else document.key_span(declared)
     for node in analysis.uses(name):
         yield node.name_place.span if isinstance(node, s.Call) else node.place.span
-    sections: list[tuple[Path, Any]] = [((), document.data)]
-    sections += [(("variants", key), value) for key, value in (document.data.get("variants") or {}).items()]
-    for path, data in sections:
+    written: list[tuple[Path, Any]] = [((), analysis.sections)]
+    for key in analysis.entries("variants"):
+        written.append((("variants", key), analysis.sections["variants"][key]))
+    for path, data in written:
         for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
             entries = data.get(section) if isinstance(data, dict) else None
             for key in entries if isinstance(entries, dict) else ():
@@ -176,7 +177,7 @@ def _comma(text: str) -> str:
 
 
 def _documentation(analysis: Analysis, path: Path) -> str | None:
-    entry: Any = analysis.document.data if analysis.document else {}
+    entry: Any = analysis.sections
     for step in path:
         try:
             entry = entry[step]

@@ -7,10 +7,12 @@ changes; its last results stay, at their lines, until there are new ones.
 from __future__ import annotations
 
 import asyncio
+import logging
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
@@ -47,6 +49,8 @@ _KINDS = {
 PAUSE = 0.4
 """Seconds without a change after which a text is checked."""
 _IS_SPEC = re.compile(r"^taskspec *:", re.MULTILINE)
+Handler = TypeVar("Handler", bound=Callable[..., Any])
+_log = logging.getLogger(__name__)
 _SEVERITIES = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
 
 
@@ -60,6 +64,23 @@ class Server(LanguageServer):
         """The last analysis of each document in which there were tasks."""
         self.checked: dict[str, LastCheck] = {}
         self.checks: dict[str, asyncio.Task[None]] = {}
+
+    def feature(self, feature_name: str, options: Any | None = None) -> Callable[[Handler], Handler]:
+        """Register what answers a request: nothing where it fails, since an editor would show the failure at each key."""
+        register = super().feature(feature_name, options)
+
+        def decorated(handler: Handler) -> Handler:
+            @wraps(handler)
+            def answer(*arguments: Any) -> Any:
+                try:
+                    return handler(*arguments)
+                except Exception:
+                    _log.exception("no answer to %s", feature_name)
+                    return None
+
+            return register(cast(Handler, answer))
+
+        return decorated
 
     def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
         """Return the analysis of a document as it is now, and the document."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.tools.authoring import analyse, complete
+from taskspec.tools.authoring import analyse, complete, definition, hover, rename, signature_at
 from taskspec.tools.authoring.analysis import own
 from taskspec.tools.authoring.formatting import fixed
 from taskspec.tools.authoring.meanings import tokens
@@ -157,3 +157,45 @@ def test_what_a_hint_says_to_write_is_written(right: str, wrong: str, fix: str) 
     fixes = [each.fix for each in found.diagnostics if each.fix is not None]
     assert fixed(mistaken, fixes) == SMALL.replace(right, fix, 1)
     assert analyse(SMALL.replace(right, fix, 1), "small.yaml").diagnostics == ()
+
+
+EDITS = 300
+EDITED = ("families/tree.yaml", "probes/sizes.yaml", "memory/n_back.yaml", "families/experiments/trees.yaml")
+"""Specs, and an experiment."""
+
+
+def edited(text: str, rng: random.Random) -> tuple[str, int]:
+    """A text after a random edit, as of someone who is not done, and the place of the edit."""
+    at = rng.randrange(len(text))
+    end = min(len(text), at + rng.choice((1, 3, 20, 200)))
+    match rng.randrange(5):
+        case 0:
+            return text[:at] + text[end:], at
+        case 1:
+            return text[:at], at
+        case 2:
+            return text[:at] + text[at:end] + text[at:], end
+        case 3:
+            other = rng.randrange(len(text))
+            return text[:at] + text[other : other + end - at] + text[at:], at
+    return text[:at] + rng.choice("{}[]:'\"#-|,\n\t&*!%") + text[at:], at + 1
+
+
+def test_no_edit_makes_a_question_fail() -> None:
+    rng = random.Random(0)
+    texts = [(ROOT / "tasks" / name).read_text(encoding="utf-8") for name in EDITED]
+    for number in range(EDITS):
+        text, at = edited(texts[number % len(texts)], rng)
+        for _ in range(rng.randrange(3)):
+            text, at = edited(text or "x", rng)
+        found = analyse(text, "edited.yaml")
+        try:
+            complete(found, at)
+            hover(found, at)
+            signature_at(found, at)
+            definition(found, at)
+            for name in list(found.declarations)[:3]:
+                rename(found, name, "other")
+            list(tokens(found))
+        except Exception as error:
+            raise AssertionError(f"at {at} of {text!r}") from error

@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from taskspec.tools.editor.checks import check
+from taskspec.tools.editor.server import server
 
 SPEC = Path(__file__).parents[3] / "tasks" / "derail" / "risky_path.yaml"
 
@@ -105,6 +107,17 @@ def test_mistakes_are_marked_while_typing_and_fixed(tmp_path: Path) -> None:
         assert await editor.change("detuor", "detour") == []
 
     edited(tmp_path, script)
+
+
+def test_a_question_that_fails_has_no_answer() -> None:
+    class Broken:
+        def analysis(self, uri: str) -> Any:
+            raise RuntimeError(uri)
+
+    place = SimpleNamespace(text_document=SimpleNamespace(uri="file:///x.yaml"))
+    asked = [each.func for each in server.protocol.fm.features.values()]
+    assert len(asked) > 10
+    assert [handler(Broken(), place) for handler in asked] == [None] * len(asked)
 
 
 def test_names_are_completed_explained_found_and_renamed(tmp_path: Path) -> None:
