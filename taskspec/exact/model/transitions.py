@@ -25,7 +25,7 @@ from taskspec.language.expressions.ir import Apply, Const, Draw, Node, children,
 from taskspec.language.expressions.operators import entry_of
 from taskspec.language.expressions.types import TIME, Range, Role
 from taskspec.language.expressions.variates import VARIATES
-from taskspec.language.expressions.variates.entry import FAINTEST, ProbabilityArithmetic, both, once
+from taskspec.language.expressions.variates.entry import ProbabilityArithmetic, both, once
 from taskspec.language.task.task import Task
 
 # -- the expected reward where the reward itself is noisy -------------------------------------------------------------
@@ -72,10 +72,7 @@ class Floats:
     """Probabilities as float64."""
 
     def argument(self, draw: Draw, arg: Array) -> Array:
-        p = draw.args[0]
-        if not isinstance(p, Const) or arg.all():
-            return arg
-        return np.array([max(float(v), FAINTEST) if v > 0 else float(v) for v in p.flat]).reshape(arg.shape)
+        return arg
 
     def otherwise(self, draw: Draw, p: Array) -> Array:
         written = draw.args[0]

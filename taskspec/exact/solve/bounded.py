@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.exact.model.extract import SMALLEST_NUMBER
 from taskspec.exact.model.model import Model, Step
 from taskspec.exact.model.transitions import Steps, count, joint_outcomes
 from taskspec.exact.solve.enclosure import EQUAL, Enclosure
@@ -34,11 +35,7 @@ COMPUTED = 8 * UNIT
 TAIL = 1e-20
 """More than the probability of the outcomes that are left out of a draw of infinitely many."""
 UNDERFLOW = 1e-300
-"""More than what a sum of products that are too small for a float can lose."""
-FAINT = 1e-50
-"""Products with smaller probabilities may be too small for a float."""
-MOST_SHRINKING = 460.0
-"""The logarithm of 1e200: rewards of the domain that shrink by less stay above the smallest floats."""
+"""Products from here on are not too small for a float; a sum of smaller ones loses less than this."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0."""
 STATES = 65_536
@@ -57,13 +54,14 @@ def gamma(n: float) -> float:
 class Bound:
     """Floats `value` near numbers x of the same shape: |value - x| <= relative * |x| + absolute.
 
-    `is_signed` says that no two of the numbers have different signs.
+    `is_signed` says that no two of the numbers have different signs; then all but 0 are at least `least` in size.
     """
 
     value: Array
     relative: float = 0.0
     absolute: float = 0.0
     is_signed: bool = False
+    least: float = 0.0
 
     @property
     def is_exact(self) -> bool:
@@ -108,6 +106,15 @@ class Policy:
         is_one = ((self.table == 0) | taken).all() and (taken.sum(axis=0) == 1).all()
         return taken.argmax(axis=0) if is_one else None
 
+    @cached_property
+    def least(self) -> float:
+        """The smallest probability that is not 0."""
+        return _least(self.table)
+
+
+def _least(weights: Array) -> float:
+    return float(np.min(weights, where=weights > 0, initial=1.0))
+
 
 @dataclass(frozen=True, slots=True)
 class Slack:
@@ -145,27 +152,35 @@ class Slack:
 
 @dataclass(frozen=True, slots=True)
 class ExpectationError:
-    """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1."""
+    """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1.
+
+    `least` is the smallest weight that is not 0.
+    """
 
     relative: float
     absolute: float
+    least: float
 
     @classmethod
-    def of(cls, terms: int, slack: Slack, is_faint: bool) -> ExpectationError:
+    def of(cls, terms: int, slack: Slack, least: float) -> ExpectationError:
         absolute = slack.absolute * terms + 2 * slack.missing
-        if is_faint:
-            absolute += UNDERFLOW * terms
-        return cls(gamma(terms + 8) + slack.relative, absolute)
+        if least < UNDERFLOW:
+            absolute += UNDERFLOW
+        return cls(gamma(terms + 8) + slack.relative, absolute, least)
 
     def expectation(self, value: Array, of: Bound) -> Bound:
         """Return computed expectations `value` (...,) of some numbers (S,), with their errors."""
         size = of.size
         if size == 0:
-            return Bound(value, is_signed=of.is_signed)
+            return Bound(value, is_signed=of.is_signed, least=of.least)
         absolute = of.absolute * (1 + self.relative) + self.absolute * size
         relative = of.relative + self.relative + of.relative * self.relative
+        smallest = of.least if of.is_signed else size
+        least = smallest * self.least
+        if least < UNDERFLOW:
+            absolute += UNDERFLOW
         if of.is_signed:
-            return Bound(value, relative, absolute, True)
+            return Bound(value, relative, absolute, True, least)
         return Bound(value, 0.0, absolute + relative * size)
 
 
@@ -179,7 +194,7 @@ class Bounded:
         steps = Steps(model.task)
         self.slack = Slack.of(steps.draws, steps.reward)
         first = draws(steps.first)
-        self.start_error = ExpectationError.of(int(count(first, {})), Slack.of(first), self.is_faint)
+        self.start_error = ExpectationError.of(int(count(first, {})), Slack.of(first), _least(model.start))
 
     @cached_property
     def is_whole(self) -> bool:
@@ -196,23 +211,8 @@ class Bounded:
 
     @cached_property
     def least_probability(self) -> float:
-        """The smallest probability of an outcome that is not 0."""
-        weights = [self.model.start]
-        for step in self.model.steps:
-            weights += [matrix.data for matrix in step.matrices]
-        return min(float(np.min(each, where=each > 0, initial=1.0)) for each in weights)
-
-    @property
-    def is_faint(self) -> bool:
-        """True if some outcome is so improbable that products with its probability may be rounded to 0."""
-        return self.least_probability < FAINT
-
-    @cached_property
-    def may_underflow(self) -> bool:
-        """True if values may become too small for a float on their way through an episode."""
-        shrinks_by = -math.log(self.least_probability) - math.log(max(self.model.discount, FAINT))
-        steps = math.inf if self.model.horizon is None else self.model.horizon
-        return self.is_faint or (shrinks_by > 0 and shrinks_by * steps > MOST_SHRINKING)
+        """The smallest probability of an outcome of a step that is not 0."""
+        return min(_least(matrix.data) for step in self.model.steps for matrix in step.matrices)
 
     @cached_property
     def is_signed(self) -> bool:
@@ -222,10 +222,10 @@ class Bounded:
 
     def errors(self, step: Step) -> ExpectationError:
         """Return the errors of discounted expectations over the outcomes of a step."""
-        return ExpectationError.of(step.rounding.terms, self.slack, self.may_underflow)
+        return ExpectationError.of(step.rounding.terms, self.slack, self.least_probability)
 
     def zero(self) -> Bound:
-        return Bound(np.zeros(self.model.n_states), is_signed=self.is_signed)
+        return Bound(np.zeros(self.model.n_states), is_signed=self.is_signed, least=math.inf)
 
     def backup(self, t: int, V: Bound) -> Bound:
         """Return Q (A, S) at a time from V (S,) at the next one."""
@@ -239,17 +239,21 @@ class Bounded:
     def with_errors(self, step: Step, value: Array, V: Bound) -> Bound:
         """Return computed values of R + discount * P V with their errors."""
         if self.is_whole and V.is_exact:
-            return Bound(value, is_signed=V.is_signed)
+            return Bound(value, is_signed=V.is_signed, least=1.0)
         discount = self.model.discount
         errors = self.errors(step)
         later = errors.expectation(value, V)
         paid = step.rounding.size
         absolute = discount * later.absolute + self.slack.missing * self.slack.beyond
         absolute += self.slack.absolute * step.rounding.terms * paid
-        if self.may_underflow:
+        smallest = V.least
+        if not V.is_signed:
+            smallest = V.size or math.inf
+        least = errors.least * min(SMALLEST_NUMBER, (discount or 1.0) * smallest)
+        if least < UNDERFLOW:
             absolute += UNDERFLOW * max(1.0, paid)
         if V.is_signed:
-            return Bound(value, max(later.relative, errors.relative), absolute, True)
+            return Bound(value, max(later.relative, errors.relative), absolute, True, least)
         size = paid + discount * V.size
         if size:
             absolute += errors.relative * size
@@ -269,12 +273,17 @@ class Bounded:
             value += step.P_end @ states.astype(np.float64)
         value = value.reshape(self.shape)
         if self.is_whole and V.is_exact:
-            return Bound(value, is_signed=True)
-        return self.errors(step).expectation(value, replace(V, value=np.append(V.value, 1.0), is_signed=True))
+            return Bound(value, is_signed=True, least=1.0)
+        return self.errors(step).expectation(value, self._chances(V, np.append(V.value, 1.0)))
 
     def marked(self, V: Bound, states: Array) -> Bound:
         """Return probabilities V with 1 in `states`."""
-        return replace(V, value=np.where(states, 1.0, V.value), is_signed=True)
+        return self._chances(V, np.where(states, 1.0, V.value))
+
+    @staticmethod
+    def _chances(V: Bound, value: Array) -> Bound:
+        """Return probabilities V with some that are 1."""
+        return replace(V, value=value, is_signed=True, least=min(V.least, 1.0))
 
     def top(self, q: Bound) -> Bound:
         """Return the largest action values (S,)."""
@@ -299,7 +308,7 @@ class Bounded:
             total[is_open] = (low + high) / 2
             q = replace(q, absolute=q.absolute + float(np.max(high - low, initial=0.0)) / 2 * (1 + 8 * UNIT))
         number = len(policy.table)
-        errors = ExpectationError(gamma(number + 4) + policy.relative, number * policy.absolute)
+        errors = ExpectationError(gamma(number + 4) + policy.relative, number * policy.absolute, policy.least)
         return errors.expectation(total, q)
 
     def at_start(self, V: Bound) -> Enclosure:
@@ -373,7 +382,7 @@ class Bounded:
         slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         absolute = slack.absolute * terms + slack.missing
-        if np.min(table, where=table > 0, initial=1.0) < FAINT:
+        if _least(table) < UNDERFLOW:
             absolute += UNDERFLOW
         return Policy(table, slack.relative + gamma(8 + terms), absolute)
 

@@ -13,7 +13,7 @@ from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.model.transitions import OutcomeTable, Steps
 from taskspec.exact.solve.backward import FixedRule, Greedy, Plan, PlannedRule, Rule, backward, rule_of
-from taskspec.exact.solve.bounded import UNIT, Bound, Bounded, Policy
+from taskspec.exact.solve.bounded import UNDERFLOW, UNIT, Bound, Bounded, Policy
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 
 MEMORY = 2**29
@@ -160,7 +160,7 @@ class _LogOutcomes:
         slack = numbers.slack
         off = slack.relative + 2 * slack.absolute / weights + 8 * UNIT * (np.abs(self.logs) + 1)
         self.error = float(np.max(off, initial=0.0))
-        if slack.missing > 0 or numbers.is_faint:  # outcomes that are left out may pay anything
+        if slack.missing > 0 or weights.min(initial=1.0) < UNDERFLOW:  # outcomes that are left out may pay anything
             self.error = np.inf
         self.counts = np.bincount(found.row, minlength=model.n_actions * model.n_states)
 

@@ -191,6 +191,28 @@ def test_unlikely_events_may_happen_together(step: str) -> None:
     assert status(text, "probability(k == 2) < 1e-100") == "proved"
 
 
+LOCK = """
+taskspec: 1
+name: Lock
+parameters: {N: {type: int, default: 9, low: 1}}
+state: {k: {type: int, low: 0, high: N}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: N
+initial: {k: 0}
+dynamics: {k': "k + 1 if a == 1 and k == t else k"}
+reward: "1 if k' == N else 0"
+expert: {a: "1 if Bernoulli(1e-40) else 0"}
+"""
+
+
+@pytest.mark.parametrize(("who", "n"), [("expert", 9), ("random", 1100)])
+def test_a_policy_that_hardly_ever_opens_a_lock_opens_it(monkeypatch: pytest.MonkeyPatch, who: str, n: int) -> None:
+    """Both returns are above 0, and smaller than any float."""
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    assert status(LOCK, f"{who}_return > 0", N=n) == "undecided"
+    assert status(LOCK, f"{who}_return < 1e-290", N=n) == "proved"
+
+
 @pytest.mark.parametrize("claim", ["random_return == 0", "probability(k == 2) == 0"])
 @pytest.mark.parametrize("horizon", ["2", "none\ndiscount: 1/2"])
 def test_products_that_no_float_holds_are_not_taken_to_be_0(
