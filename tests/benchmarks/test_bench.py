@@ -115,10 +115,10 @@ def test_lanes_inside_scan_are_measured_in_wall_clock_time(monkeypatch: pytest.M
 
 @pytest.mark.skipif(not is_installed("jax"), reason="JAX is not installed")
 def test_what_two_trainings_have_in_common_is_no_part_of_their_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    seconds = {learners.SHORT: 10.0, learners.LONG: 14.0}
-    monkeypatch.setattr(learners, "_seconds", lambda name, task, seeds, steps: seconds[steps])
+    trained = {learners.SHORT: (12_000, 10.0), learners.LONG: (480_000, 14.0)}
+    monkeypatch.setattr(learners, "_trained", lambda name, task, seeds, steps: trained[steps])
     (row,) = Done("learners", "ppo", "--seeds", 5, "--json").data["results"]
-    assert row["steps_per_second"] == 5 * (learners.LONG - learners.SHORT) / 4
+    assert row["steps_per_second"] == 5 * (480_000 - 12_000) / 4
 
 
 @needs_vectors()

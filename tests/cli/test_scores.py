@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import sys
-
 import numpy as np
 import pytest
 
@@ -40,20 +37,16 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
         assert (found.error <= 1e-9).all()
 
 
-def test_the_benchmark_agrees_with_plain_loops() -> None:
-    found = [benchmark.ours(45, 60), benchmark.loops(45, 60)]
-    assert found[0].value == pytest.approx(found[1].value, abs=1e-12)
-    assert "plain Python" in benchmark.table(found)
-    other = benchmark.storm(45, 60)
-    assert other is None or other.value == pytest.approx(found[0].value, abs=1e-9)
-    assert benchmark.memory(exact.extract(benchmark.grid(45))) < 2**20
+def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_built() -> None:
+    found = benchmark.run(
+        [(45, 20, (benchmark.entered, benchmark.declared, benchmark.storm, benchmark.loops))], repeat=1
+    )
+    value = found[-1].value
+    assert [t.value for t in found] == pytest.approx([value] * len(found), abs=1e-9)
+    near = sum(abs(x - 5) + abs(y - 5) <= 20 for x in range(45) for y in range(45))
+    states = {t.name: t.states for t in found}
+    assert states.pop("taskspec, states entered") == near
+    assert set(states.values()) == {45 * 45}
+    text = benchmark.table(found)
+    assert f"{near:,}" in text and f"{45 * 45:,}" in text and "plain Python" in text
     assert benchmark.record(found)[0]["total"] == found[0].total
-
-
-def test_the_benchmark_reads_memory_as_each_system_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.platform", "linux")
-    here = benchmark.ours(3, 1).peak_mb
-    monkeypatch.setattr("sys.platform", "darwin")
-    assert benchmark.ours(3, 1).peak_mb == pytest.approx(here / 1024, rel=0.1)
-    monkeypatch.setitem(sys.modules, "resource", None)  # as on Windows
-    assert math.isnan(benchmark.ours(3, 1).peak_mb)
