@@ -18,10 +18,10 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse
 from taskspec.exact.policies.policy import named
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import draws, reads
-from taskspec.language.expressions.types import TIME, Role
+from taskspec.language.expressions.types import Role
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
+from taskspec.language.task.questions import components_read, is_random, reads_time
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.programs.numpy import write
 from taskspec.programs.vector_program import Values
@@ -93,7 +93,7 @@ class Tabular:
             SpecError: E712, where what is seen is drawn at every step, or depends on the time.
         """
         nodes = self.task.observation.nodes
-        if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):
+        if is_random(nodes) or reads_time(nodes):
             refuse(f"the observation in {self.task.id} is not a function of the state", "take the states instead")
         layout = self.task.observation_layout
         held = Values.empty(self.task.observation_layout, self.n_states)
@@ -200,7 +200,8 @@ def tabular(task: TaskLike) -> Tabular:
     found = abstraction(task)
     if found is not None:
         task = found.stand_in
-    ends = bool(draws([task.process.terminal])) or not set(reads([task.process.terminal])) <= {TIME}
+    terminal = [task.process.terminal]
+    ends = is_random(terminal) or bool(components_read(terminal) or components_read(terminal, Role.ACTION))
     if ends:
         task = modify(task, "absorbing")
     model = extract(task, True if ends else None)

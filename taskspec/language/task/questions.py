@@ -97,9 +97,15 @@ def unchanged(task: Task) -> set[str]:
 # -- what is written --------------------------------------------------------------------------------------------------
 
 
-def written(task: Task, section: str) -> Any:
+def written_in(task: Task, section: str) -> Any:
     """Return what is written in a section: one expression, or expressions by name; None for a section that is not there."""
     return task.source.surface.sections.get(section)
+
+
+def argument_axes(task: Task, definition: str, arguments: Iterable[str]) -> dict[str, int]:
+    """Return the axes of the arguments with which a definition is called; 0 for one that nothing calls."""
+    known = task.source.surface.argument_axes
+    return {argument: known.get((definition, argument), 0) for argument in arguments}
 
 
 def scope(task: Task, section: str) -> Scope:

@@ -53,16 +53,10 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     if task.written_as is not None:
         as_written = withheld(task.written_as, learns_from, sign)
     merged = task.source.merged
-    surface = task.source.surface
     changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
-    source = replace(
-        task.source,
+    source = task.source.without(
+        names,
         merged=Merged(document, merged.name, merged.variant, _sections(merged.data, names), {}),
-        surface=replace(
-            surface,
-            sections={name: part for name, part in surface.sections.items() if name not in names},
-            meanings={key: part for key, part in surface.meanings.items() if key[0] not in names},
-        ),
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
     found = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})

@@ -17,8 +17,6 @@ from taskspec.base.arrays import Array
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.policies.policy import best_actions
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.types import Kind
 from taskspec.language.modifiers.core import paying
 from taskspec.language.task.task import Task
@@ -215,8 +213,8 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
     shape = (model.n_actions, model.n_states)
     step = model.step(0)
     changed = {}
-    for name in REWARD_CHANGES:
-        changed[name] = extract(with_changed_reward(task, name)).step(0).R.reshape(shape)
+    for name, change in REWARD_CHANGES.items():
+        changed[name] = extract(change(task)).step(0).R.reshape(shape)
     P = step.P
     P_end = step.P_end
     if P.shape[0] * P.shape[1] <= DENSE:
@@ -248,30 +246,28 @@ class EpsilonGreedy:
 # -- rewards that a learner sees in place of the true ones ------------------------------------------------------------
 
 
-def _clipped(b: Builder, task: Task) -> Node:
+def _clipped(task: Task) -> Task:
+    b = task.new_builder()
     at_least = b.apply("max2", task.process.reward, b.scalar(-1))
-    return b.apply("min2", at_least, b.scalar(1))
+    return paying(b, task, b.apply("min2", at_least, b.scalar(1)))
 
 
-def _sign(b: Builder, task: Task) -> Node:
-    return b.apply("sign", task.process.reward)
+def _sign(task: Task) -> Task:
+    b = task.new_builder()
+    return paying(b, task, b.apply("sign", task.process.reward))
 
 
-def _unfinished(b: Builder, task: Task) -> Node:
-    """Return the reward, 0 where the step ends the episode."""
-    return b.apply("where", task.process.terminal, b.scalar(0.0), b.cast(task.process.reward, Kind.REAL))
+def _unfinished(task: Task) -> Task:
+    """Pay 0 where the step ends the episode."""
+    b = task.new_builder()
+    reward = b.cast(task.process.reward, Kind.REAL)
+    return paying(b, task, b.apply("where", task.process.terminal, b.scalar(0.0), reward))
 
 
-REWARD_CHANGES: dict[str, Callable[[Builder, Task], Node]] = {
+REWARD_CHANGES: dict[str, Callable[[Task], Task]] = {
     "clipped": _clipped, "signs": _sign, "unfinished": _unfinished,
 }  # fmt: skip
-"""From a task to what is seen of its reward, by name."""
+"""Tasks whose every reward is changed, by the name of the change.
 
-
-def with_changed_reward(task: Task, name: str) -> Task:
-    """Return a task whose every reward is changed by an entry of `REWARD_CHANGES`.
-
-    Expected rewards of the result are not those of the task, changed: what is random is changed outcome by outcome.
-    """
-    b = task.new_builder()
-    return paying(b, task, REWARD_CHANGES[name](b, task))
+Expected rewards of the result are not those of the task, changed: what is random is changed outcome by outcome.
+"""

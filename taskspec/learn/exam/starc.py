@@ -26,7 +26,7 @@ from taskspec.exact.solve.backward import action_values, backward, first_values
 from taskspec.exact.solve.infinite_horizon import chain_values
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.exam.dynamics import with_changed_reward
+from taskspec.learn.exam.dynamics import REWARD_CHANGES
 
 NOTHING = 1e-11
 """Advantages that are this small, as a share of the largest value of an action, are rounding."""
@@ -109,7 +109,7 @@ class RewardMdp:
         """Return the expected rewards, after each was changed as `REWARD_CHANGES` says."""
         found = abstraction(self.task)
         task = self.task if found is None else found.stand_in
-        return self._running(tabular(with_changed_reward(task, name)))
+        return self._running(tabular(REWARD_CHANGES[name](task)))
 
     @cached_property
     def reached(self) -> list[Array]:

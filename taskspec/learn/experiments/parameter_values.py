@@ -17,7 +17,6 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import plain
 from taskspec.language.expressions.parse import parse_into
 from taskspec.language.expressions.scope import Binding, Lazy, Poisoned, Scope, Value
 from taskspec.language.expressions.types import Domain, Kind, Type
@@ -168,7 +167,7 @@ class Assignment:
             self._busy.pop()
         if not node.type.is_scalar:
             self.checker.fail("E307", expr, "a value of a parameter is a single number")
-        return plain(node.value)
+        return node.numbers[0]
 
     def _value(self, name: str, at: s.Name) -> Value:
         """Return a parameter as an expression reads it."""

@@ -16,6 +16,7 @@ from taskspec.language.printers.idioms import interval
 from taskspec.language.printers.names import Notation, expression, of_task, symbol
 from taskspec.language.printers.pieces import indexed, prime
 from taskspec.language.task.names import signature
+from taskspec.language.task.questions import written_in
 from taskspec.language.task.schema.models import Spec
 from taskspec.language.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.language.task.task import Task
@@ -43,8 +44,8 @@ class Writing:
     def spec(self) -> Spec:
         return self.task.spec
 
-    def parsed(self, name: str) -> Any:
-        return self.task.source.surface.sections.get(name)
+    def parsed(self, section: str) -> Any:
+        return written_in(self.task, section)
 
     def put(self, expr: s.Expr) -> s.Expr:
         found: s.Expr = rewrites.substitute(expr, self.values) if self.values else expr

@@ -16,6 +16,7 @@ from taskspec.language.printers.rewrites import draws, is_draw
 from taskspec.language.printers.text import text
 from taskspec.language.task.names import signature
 from taskspec.language.task.parts import Component, Soft
+from taskspec.language.task.questions import argument_axes
 from taskspec.language.task.schema.typed import ComponentEntry
 from taskspec.show.pages.equations import Writing, unchanged
 from taskspec.show.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
@@ -221,7 +222,7 @@ def definitions(w: Writing) -> Iterator[Inlines]:
         left = w.symbol(name)
         if arguments is not None:
             left = m.Row((left, m.brackets(m.joined(map(w.notation.symbol, arguments)))))
-        axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
+        axes = argument_axes(w.task, name, arguments or ())
         yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():
         yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))

@@ -15,13 +15,13 @@ from taskspec.exact.rules import claim_rules
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.dists import CATEGORICAL, DISTS
 from taskspec.language.expressions.interval import bounds
-from taskspec.language.expressions.ir import Const, Node
 from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value
-from taskspec.language.expressions.types import Domain, Kind, Refused
+from taskspec.language.expressions.types import Domain, Expression, Kind, Refused
 from taskspec.language.printers import text as printed
 from taskspec.language.source import Path
 from taskspec.language.task.names import signature
+from taskspec.language.task.questions import constant
 from taskspec.language.task.schema.export import json_schema
 from taskspec.tools.authoring.analysis import Analysis
 from taskspec.tools.authoring.repair import cursor, word_at
@@ -155,13 +155,14 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
                     yield document.key_span((*path, section, key))
 
 
-def _of_node(node: Node, domain: Domain | None) -> str:
+def _of_node(node: Expression, domain: Domain | None) -> str:
+    value = constant(node) if node.type.is_scalar else None
     if domain is not None:
-        if isinstance(node, Const) and node.type.is_scalar:
-            return f"{domain.labels[int(node.value)]}, {_labels(domain)}"
+        if value is not None:
+            return f"{domain.labels[int(value)]}, {_labels(domain)}"
         return _labels(domain)
-    if isinstance(node, Const) and node.type.is_scalar:
-        return f"{node.type} {setting(node.value)}"
+    if value is not None:
+        return f"{node.type} {setting(value)}"
     if node.type.kind is Kind.BOOL:
         return str(node.type)
     low, high = bounds(node, {})

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.language.expressions.ir import draws
 from taskspec.learn.learners.deep.nets import gradient_step, ring_update
 from taskspec.learn.learners.deep.policy_training import (
     PolicyState,
@@ -76,7 +75,7 @@ class PreferenceRound:
         world = update.world
         self.alike = world.horizon is None or world.absorbs or not world.may_end
         """Whether all episodes have the same length."""
-        self.ties = config.noise_ties and bool(draws(world.task.observation.nodes))
+        self.ties = config.noise_ties and world.task.observation.is_random
 
     @property
     def pairs(self) -> int:

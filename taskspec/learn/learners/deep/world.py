@@ -12,7 +12,6 @@ import numpy as np
 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.limits import tell
-from taskspec.language.expressions.ir import Const
 from taskspec.language.modifiers import modify
 from taskspec.language.task.task import Task
 from taskspec.learn.learners.deep.nets import ActionHead
@@ -87,8 +86,7 @@ class World:
     @classmethod
     def of(cls, task: Task, absorb: bool) -> World:
         """Return the world of a task; `absorb` as in `Experience`."""
-        ends = not (isinstance(task.process.terminal, Const) and not task.process.terminal.value)
-        absorbs = absorb and ends and task.horizon is not None and task.ending == "terminate"
+        absorbs = absorb and not task.process.never_ends and task.horizon is not None and task.ending == "terminate"
         program = compile_jax(modify(task, "absorbing") if absorbs else task)
         head = ActionHead(Vectors.of(program.action))
         seen = Vectors.of(program.observation)
@@ -99,14 +97,14 @@ class World:
     @property
     def may_end(self) -> bool:
         """True where there are terminal states."""
-        return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
+        return not self.task.process.never_ends
 
     @property
     def length(self) -> int:
         """The largest number of steps of an episode."""
         if self.horizon is not None:
             return self.horizon
-        if isinstance(self.task.process.terminal, Const) and self.task.process.terminal.value:
+        if self.task.process.always_ends:
             return 1
         raise CannotLearn(f"episodes of {self.task.id} have no horizon", "give the task one")
 
