@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from taskspec.language.source import nodes
 
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
+_BACKSLASH = "use single quotes, or write the backslash twice"
 _SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
 _SPECIAL_PROBLEMS = (
     "tag",
@@ -45,7 +46,7 @@ def _escape(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     if not is_escape or "quoted" not in syntax.context or at + 1 == len(text):
         return None  # tags have escapes of their own; and after the last character, the quote is never closed
     message = f"`{text[at : at + 2]}` means nothing between double quotes"
-    return nodes.TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
+    return nodes.TextProblem("E117", at, at + 2, message, _BACKSLASH)
 
 
 def _open_quote(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
@@ -90,7 +91,7 @@ def _split_by_bracket(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | No
         return None
     if not isinstance(last, nodes.ScalarNode) or last.style != "plain":
         return None
-    return _cut(text, last.start, syntax.open)
+    return _split(text, last.start)
 
 
 def _not_closed(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
@@ -180,11 +181,6 @@ _RULES: tuple[Callable[[str, nodes.Syntax], nodes.TextProblem | None], ...] = (
 
 _TEX = re.compile(r"\\(?:\\|([abefrv0](?=[A-Za-z])|n(?:u|abla|eq)\b|t(?:heta|au|imes|ilde|frac)))")
 """An escape that makes a control character, or begins the name of a well-known TeX command."""
-_BRACKETED = re.compile(r"\([^()\[\]{}]*\)|\[[^()\[\]{}]*\]|\{[^()\[\]{}]*\}")
-_FOR = re.compile(r"\sfor\s.+\sin\s", re.DOTALL)
-_THEN_COLON = re.compile(r"\s*:")
-_LISTS = frozenset({"values", "symbols", "shape", "by"})
-"""Keys whose value may be a list of words or numbers."""
 
 
 def find(text: str, root: nodes.Node, bad_keys: list[nodes.Node]) -> Iterator[nodes.TextProblem]:
@@ -208,14 +204,13 @@ def find(text: str, root: nodes.Node, bad_keys: list[nodes.Node]) -> Iterator[no
             case nodes.SequenceNode():
                 stack += node.items
                 if node.flow:
-                    yield from _cut_items(text, node)
+                    yield from _cut(text, node.items)
 
 
 def _bad_key(text: str, node: nodes.Node) -> Iterator[nodes.TextProblem]:
     if not isinstance(node, nodes.ScalarNode):
-        yield nodes.TextProblem(
-            "E108", node.start, node.end, "a key is text", nodes.in_quotes(text[node.start : node.end])
-        )
+        advice = nodes.in_quotes(text[node.start : node.end])
+        yield nodes.TextProblem("E108", node.start, node.end, "a key is text", advice)
     elif text[node.start : node.start + 1] not in (",", "}"):  # else it is left over from a comma: that is the problem
         yield nodes.TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
 
@@ -228,8 +223,7 @@ def _scalar(text: str, node: nodes.ScalarNode) -> Iterator[nodes.TextProblem]:
         for found in _TEX.finditer(text, node.start, node.end):
             if found.group(1):
                 message = f"`\\{found.group(1)[0]}` between double quotes is a control character"
-                hint = "use single quotes, or write the backslash twice"
-                yield nodes.TextProblem("E117", found.start(), found.start() + 2, message, hint)
+                yield nodes.TextProblem("E117", found.start(), found.start() + 2, message, _BACKSLASH)
 
 
 def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
@@ -239,108 +233,43 @@ def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
             yield nodes.TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
 
 
-# Texts between braces or brackets that YAML cuts in pieces, put together again: what to write in quotes.
-
-
-def _cut_items(text: str, node: nodes.SequenceNode) -> Iterator[nodes.TextProblem]:
-    """Yield items of a list that were one text: a call with a comma in it, or all of a comprehension."""
-    done = 0
-    for item in node.items:
-        if _opens(text, item) and item.start >= done:
-            finding = _cut(text, item.start, [node])
-            done = finding.end
-            yield finding
-
-
 def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
-    """Yield entries of a mapping that were one text, and keys that have no value for another reason."""
+    """Yield entries of a mapping that YAML cuts in pieces, and keys that have no value for another reason."""
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
-    if node.entries and all(_is_absent(value) for _, value in node.entries) and not _is_key(text, node.entries[0][0]):
+    without = [key for key, value in node.entries if isinstance(value, nodes.ScalarNode) and _is_absent(value)]
+    if without and len(without) == len(node.entries) and ":" not in text[node.start : node.end]:
         yield _brace(text, node, in_flow=True)
         return
+    cuts = list(_cut(text, [part for entry in node.entries for part in entry]))
+    yield from cuts
+    for key in without:
+        message = f"the key `{nodes.shown(key.value)}` has no value"
+        hint = "a list goes in brackets, a text with a comma in quotes"
+        if ":" in key.value:
+            hint = "write a space after the colon"
+        problem = nodes.TextProblem("E107", key.start, key.end, message, hint)
+        if not any(cut.covers(problem) for cut in cuts):
+            yield problem
+
+
+def _is_absent(value: nodes.ScalarNode) -> bool:
+    return value.style == "plain" and not value.value
+
+
+def _cut(text: str, pieces: Sequence[nodes.Node]) -> Iterator[nodes.TextProblem]:
+    """Yield calls with a comma in them, of which a piece opens more brackets than it closes."""
     done = 0
-    for key, value in node.entries:
-        if key.start < done:
-            continue
-        finding: nodes.TextProblem | None = None
-        if _opens(text, key):
-            finding = _cut(text, key.start)
-        elif _is_absent(value):
-            hint = "write a space after the colon" if ":" in key.value else None
-            finding = nodes.TextProblem(
-                "E107", key.start, key.end, f"the key `{nodes.shown(key.value)}` has no value", hint
-            )
-        elif isinstance(value, nodes.ScalarNode) and value.style == "plain":
-            finding = _cut_value(text, node, value, key.value in _LISTS)
-        if finding:
-            done = finding.end
-            yield finding
+    for node in pieces:
+        is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"
+        is_open = text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
+        if is_plain and is_open and node.start >= done:
+            problem = _split(text, node.start)
+            done = problem.end
+            yield problem
 
 
-def _cut_value(text: str, node: nodes.MappingNode, value: nodes.ScalarNode, is_list: bool) -> nodes.TextProblem | None:
-    """Return the finding for a value that went on behind its comma, if it did; it takes all keys that came of that."""
-    end = _piece_end(text, value)
-    is_word = isinstance(nodes.resolve(value.value), str)
-    for key, other in node.entries:
-        if key.start < end:
-            continue
-        if not (is_word or is_list) or not _is_absent(other) or _is_key(text, key):
-            break
-        end = _piece_end(text, key)
-    if end == value.end:
-        return None
-    return _pieces(
-        text,
-        value.start,
-        end,
-        f"a list goes in brackets: [{nodes.shown(text[value.start : end])}]" if is_list else None,
-    )
-
-
-def _piece_end(text: str, node: nodes.Node) -> int:
-    if _opens(text, node):
-        return nodes.value_end(text, node.start, in_flow=True)
-    return node.end
-
-
-def _is_absent(value: nodes.Node) -> bool:
-    return isinstance(value, nodes.ScalarNode) and value.style == "plain" and not value.value
-
-
-def _is_key(text: str, key: nodes.ScalarNode) -> bool:
-    """Return whether a text between braces without a value was meant as a key, and not as part of something else."""
-    is_glued = key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
-    return is_glued or _THEN_COLON.match(text, key.end) is not None
-
-
-def _opens(text: str, node: nodes.Node) -> bool:
-    """Return whether a piece of text opens more brackets than it closes."""
-    is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"
-    return is_plain and text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
-
-
-def _cut(text: str, start: int, within: Sequence[nodes.Node] = ()) -> nodes.TextProblem:
-    """Return the finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
-
-    `within` are the collections around it, the innermost last.
-    """
+def _split(text: str, start: int) -> nodes.TextProblem:
     end = nodes.value_end(text, start, in_flow=True)
-    for parent in reversed(within):
-        if not (isinstance(parent, nodes.SequenceNode) and parent.flow and _is_comprehension(text[start:end])):
-            break
-        start = parent.start
-        end = nodes.value_end(text, parent.start, in_flow=True)
-    return _pieces(text, start, end)
-
-
-def _is_comprehension(written: str) -> bool:
-    """Return whether `f(i) for i in range(0, 4)` is written, with its `for` outside all brackets."""
-    while (inner := _BRACKETED.sub("", written)) != written:
-        written = inner
-    return _FOR.search(written) is not None
-
-
-def _pieces(text: str, start: int, end: int, hint: str | None = None) -> nodes.TextProblem:
     message = f"YAML splits `{nodes.shown(text[start:end])}`, because it is between braces or brackets"
-    return nodes.TextProblem("E106", start, end, message, hint or nodes.in_quotes(text[start:end]))
+    return nodes.TextProblem("E106", start, end, message, nodes.in_quotes(text[start:end]))
