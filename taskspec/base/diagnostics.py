@@ -9,7 +9,7 @@ import difflib
 import re
 import textwrap
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, NamedTuple, Protocol
@@ -246,12 +246,24 @@ def render(
     """
     match format:
         case "text":
-            return "\n".join(_text(each, color, width) for each in diagnostics)
+            return "\n".join(_text(each, color, width) for each in hints_once(diagnostics))
         case "json":
             return visible_json(records(diagnostics))
         case "github":
             return "\n".join(map(_github, diagnostics))
     raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
+
+
+def hints_once(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """Yield diagnostics with each hint once a file."""
+    known: set[tuple[str, str]] = set()
+    for each in diagnostics:
+        name = each.span.origin.name if each.span is not None else ""
+        if each.hint is None or (name, each.hint) not in known:
+            yield each
+        else:
+            yield replace(each, hint=None)
+        known.add((name, each.hint or ""))
 
 
 def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import os
 import platform
 import re
@@ -52,21 +53,45 @@ def is_installed(module: str) -> bool:
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra of this package, in a checkout or from the index."""
-    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
-    if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
+    """Return a command that installs an extra of this package from where the package itself was installed.
+
+    In a checkout that is its folder. Otherwise `direct_url.json` of the distribution says: a folder, a wheel, an address; a
+    package of an index has no such file. Where the folder or wheel is gone, the packages of the extra are named one by one.
+    """
+    from importlib import metadata
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
+    checkout = Path(__file__).resolve().parents[2]
+    project = checkout / "pyproject.toml"
+    if project.is_file() and f'name = "{DISTRIBUTION}"' in project.read_text(encoding="utf-8"):
+        root = str(checkout)
+        if Path.cwd() == checkout:
+            root = "."
+        return f'pip install -e "{root}[{extra}]"'
+    try:
+        distribution = metadata.distribution(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
         return install_package(f"{DISTRIBUTION}[{extra}]")
-    here = Path(project.name)
-    if here.is_file() and here.samefile(project):
-        root = "."
-    else:
-        root = str(project.parent)
-    return f'pip install -e "{root}[{extra}]"'
+    origin = json.loads(distribution.read_text("direct_url.json") or "{}")
+    url = urlsplit(origin.get("url", ""))
+    if url.scheme == "file":
+        source = Path(url2pathname(url.path))
+        if source.exists():
+            return install_package(f"{source}[{extra}]")
+        asked = [each for each in distribution.requires or () if each.endswith(f"extra == '{extra}'")]
+        return install_package(*(each.partition(";")[0].strip() for each in asked))
+    if "vcs_info" in origin:
+        version = origin["vcs_info"]
+        return install_package(f"{DISTRIBUTION}[{extra}] @ {version['vcs']}+{origin['url']}@{version['commit_id']}")
+    if url.scheme:
+        return install_package(f"{DISTRIBUTION}[{extra}] @ {origin['url']}")
+    return install_package(f"{DISTRIBUTION}[{extra}]")
 
 
-def install_package(requirement: str) -> str:
-    """Return the command that installs a package; all shells, also those of Windows, accept double quotes."""
-    return f'pip install "{requirement}"'
+def install_package(*requirements: str) -> str:
+    """Return the command that installs packages; all shells, also those of Windows, accept double quotes."""
+    return " ".join(["pip install", *(f'"{each}"' for each in requirements)])
 
 
 # Public names of packages that are imported on first use.

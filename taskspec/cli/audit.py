@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, plural
+from taskspec.base.terminal import console, line
 from taskspec.cli import options
-from taskspec.cli.console import console, line, misuse, say, write_json
+from taskspec.cli.console import misuse, say, write_json
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.tools.audit.findings import Audit

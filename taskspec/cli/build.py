@@ -14,8 +14,9 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import visible_json
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
+from taskspec.base.terminal import console, line
 from taskspec.cli.check import examine, print_reports, verdict
-from taskspec.cli.console import console, fail, line, say
+from taskspec.cli.console import fail, say
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
 

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
 from taskspec.base.display import plural
+from taskspec.base.terminal import VisibleText, console, line
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, print_diagnostics, say, write_json
+from taskspec.cli.console import print_diagnostics, say, write_json
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from pathlib import Path

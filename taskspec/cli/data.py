@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from taskspec.cli.console import console, line, misuse, say, write_records
+from taskspec.base.terminal import console, line
+from taskspec.cli.console import misuse, say, write_records
 from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant, seed_option
 from taskspec.cli.progress import progress
 

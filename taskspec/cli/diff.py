@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal
+from taskspec.base.terminal import console, line
 from taskspec.cli import options
-from taskspec.cli.console import console, line, misuse, write_json
+from taskspec.cli.console import misuse, write_json
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact.abstraction.difference import TaskRelation

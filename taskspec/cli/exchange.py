@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.files import near, write_bytes
+from taskspec.base.terminal import console
 from taskspec.cli import options
-from taskspec.cli.console import console, misuse, say, write_json, write_output
+from taskspec.cli.console import misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact.model.model import Model
@@ -50,21 +51,21 @@ def export(
     chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
     if verify and chosen.name != "umb":
         raise misuse("--verify goes with --format umb", code="E726")
-    found = task_of(task, variant, parameters or [], modifiers or [])
+    built = task_of(task, variant, parameters or [], modifiers or [])
     if output is None and not (verify or chosen.is_text):
-        raise misuse(f"--format {chosen.name} is binary", f"--output {found.name}{chosen.suffix}")
-    with progress(found.instance_id):
-        model, tables = formats.exported(found, chosen)
+        raise misuse(f"--format {chosen.name} is binary", f"--output {built.name}{chosen.suffix}")
+    with progress(built.instance_id):
+        model, tables = formats.exported(built, chosen)
     if output is not None:
         write_bytes(output, formats.written(tables, chosen))
         say(f"wrote {near(output)}", err=True)
     elif not verify:
         sys.stdout.write(formats.written(tables, chosen).decode())
     if not json:
-        for note in formats.notes(found, tables, chosen):
+        for note in formats.notes(built, tables, chosen):
             say(f"  {note}", err=True)
     if verify:
-        _verify(found, model, tables, json)
+        _verify(built, model, tables, json)
 
 
 def _verify(task: Task, model: Model, tables: FrozenTask, json: bool) -> None:

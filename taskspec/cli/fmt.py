@@ -11,8 +11,9 @@ import typer
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import plural
 from taskspec.base.files import write_text
+from taskspec.base.terminal import console
 from taskspec.cli import options
-from taskspec.cli.console import console, print_diagnostics, say
+from taskspec.cli.console import print_diagnostics, say
 
 
 def fmt(

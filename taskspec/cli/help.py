@@ -10,10 +10,10 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.base.limits import limits
 from taskspec.cli.console import fail, reported, say
-from taskspec.cli.tables import Columns
 
 FIRST = """\
 First commands:
@@ -96,7 +96,7 @@ def _record(param: Any, ctx: Any) -> tuple[str, str]:
 def _print_help(command: Any, ctx: Any, panels: dict[str, list[tuple[str, str]]]) -> None:
     from rich.markup import render
 
-    from taskspec.cli.console import console
+    from taskspec.base.terminal import console
 
     out = console()
     out.print(f"Usage: {ctx.command_path} {' '.join(_usage(command, ctx))}", style="title")

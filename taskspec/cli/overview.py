@@ -9,21 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from taskspec.base.codes import Code, classes, codes
+from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
+from taskspec.base.terminal import VisibleText, colored, console, line, terminal_width
 from taskspec.cli import options
-from taskspec.cli.console import (
-    VisibleText,
-    colored,
-    console,
-    fail,
-    line,
-    say,
-    terminal_width,
-    write_json,
-    write_records,
-)
-from taskspec.cli.tables import Columns
+from taskspec.cli.console import fail, say, write_json, write_records
 
 if TYPE_CHECKING:
     from taskspec.language.task.build import Outline

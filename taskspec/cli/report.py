@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.display import fixed, interval, plural, visible_json
 from taskspec.base.files import near, safe_name, write_text
-from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, write_json
+from taskspec.base.terminal import Console, VisibleText, console, line
+from taskspec.cli.console import misuse, say, write_json
 from taskspec.cli.options import Json, folder_option, formats_option, split_names
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exam import Exam

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate
 from taskspec.base.limits import tell
+from taskspec.base.terminal import VisibleText, console, line
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, misuse, say, write_records
+from taskspec.cli.console import misuse, say, write_records
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.envs.rollouts import Episode, Summary, Watch

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate, number
+from taskspec.base.terminal import Console, VisibleText, console, line
 from taskspec.cli import options
-from taskspec.cli.console import Console, VisibleText, console, line, write_json, write_records
+from taskspec.cli.console import write_json, write_records
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact import Expectations, PomdpBounds, Results, Return, Score, Scores

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
 from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, write_text
 from taskspec.base.limits import tell
+from taskspec.base.terminal import console, line
 from taskspec.cli import options
-from taskspec.cli.console import console, line, misuse, say, write_json, write_output
+from taskspec.cli.console import misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def separate(
     """Find the smallest task on which a learner does worse than another.
 
     Many instances of a family are tried, the best of them is tested on fresh seeds, shrunk while the difference holds, and
-    tested on fresh seeds again. Ctrl-C ends the search, and keeps what was found.
+    tested on fresh seeds again. Ctrl-C ends the search, and keeps the best task so far.
     """
     from taskspec.learn.experiments.races import contestant, family_of
     from taskspec.learn.experiments.separate import Search
@@ -68,45 +69,58 @@ def separate(
         tasks, contestant(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell
     )
     with progress("searching"):
-        found = search.run()
-    _report(found, family, output, json)
+        separation = search.run()
+    _report(separation, family, output, json)
 
 
-def _report(found: Separation, family: str, output: Path, json: bool) -> None:
-    """Print what was found, and write its spec."""
+def _report(separation: Separation, family: str, output: Path, json: bool) -> None:
+    """Print the result of a search, and write its spec."""
     from taskspec.learn.experiments.separate import finding
     from taskspec.tools.exchange.spec_text import spec_text
     from taskspec.tools.exchange.tables import FrozenTask
 
     if json:
-        task = found.task
-        means = [{"mean": mean, "low": low, "high": high} for mean, low, high in found.intervals if found.worse]
-        write_json({
-            "worse": found.worse, "better": found.better, "scores": found.scores, "means": means, "p_value": found.p_value,
-            "tried": found.tried, "path": found.path, "is_complete": found.is_complete,
-            "task": None if task is None else spec_text(task) if isinstance(task, FrozenTask) else task.id,
-        })  # fmt: skip
+        write_json(_record(separation))
         return
-    if not found.worse:
-        say(f"No difference found in {found.tried} tasks of {family}.")
+    worse = separation.worse
+    better = separation.better
+    if not worse:
+        say(f"No difference found in {separation.tried} tasks of {family}.")
         return
     out = console()
-    out.print(line((found.worse, "bad"), " is worse than ", (found.better, "good"), f": {found.path[-1]}"))
-    width = max(len(found.worse), len(found.better))
-    for name, (mean, low, high) in zip((found.worse, found.better), found.intervals, strict=True):
+    out.print(line((worse, "bad"), " is worse than ", (better, "good"), f": {separation.path[-1]}"))
+    width = max(len(worse), len(better))
+    for name, (mean, low, high) in zip((worse, better), separation.intervals, strict=True):
         out.print(line(f"  {name:{width}}  {fixed(mean, 2):>5}  {interval(low, high)}"))
-    out.print(
-        line((f"  {len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried", "quiet"))
-    )
-    if len(found.path) > 1:
-        out.print(line((f"  shrunk from {found.path[0]}", "quiet")))
-    if not found.is_complete:
+    seeds = f"{len(separation.scores[0])} fresh seeds, p = {separation.p_value:.2g}"
+    out.print(line((f"  {seeds}; {separation.tried} tasks tried", "quiet")))
+    if len(separation.path) > 1:
+        out.print(line((f"  shrunk from {separation.path[0]}", "quiet")))
+    if not separation.is_complete:
         out.print(line(("  the search was stopped before it ended", "quiet")))
-    if isinstance(found.task, FrozenTask):
-        text = spec_text(finding(found, family))
+    if isinstance(separation.task, FrozenTask):
+        text = spec_text(finding(separation, family))
         write_text(output, text)
         say("\n" + text[text.index("state:") :])
         say(f"wrote {near(output)}")
+
+
+def _record(separation: Separation) -> dict[str, Any]:
+    """Return the result of a search as JSON data; its task as a spec, or by its id."""
+    from taskspec.tools.exchange.spec_text import spec_text
+    from taskspec.tools.exchange.tables import FrozenTask
+
+    names = ("worse", "better", "scores", "p_value", "tried", "path", "is_complete")
+    record: dict[str, Any] = {name: getattr(separation, name) for name in names}
+    record["means"] = []
+    if separation.worse:
+        record["means"] = [{"mean": mean, "low": low, "high": high} for mean, low, high in separation.intervals]
+    record["task"] = None
+    if isinstance(separation.task, FrozenTask):
+        record["task"] = spec_text(separation.task)
+    elif separation.task is not None:
+        record["task"] = separation.task.id
+    return record
 
 
 def freeze(

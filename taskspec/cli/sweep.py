@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument
 
+from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate
 from taskspec.base.files import near, safe_name
+from taskspec.base.terminal import VisibleText, console, line
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, say, write_json
+from taskspec.cli.console import say, write_json
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.experiments import Measured

@@ -37,6 +37,13 @@ def test_long_hints_and_notes_stand_below() -> None:
     assert lines[4:] == ["      = note: first", "              second"]
 
 
+def test_a_hint_is_said_once_a_file() -> None:
+    other = Diagnostic("E302", in_text("s': paht", 1, 5, 9), "'paht' is not defined here", UNKNOWN.hint)
+    again = Diagnostic("E302", PAHT, "'paht' is not defined here either", UNKNOWN.hint)
+    assert render([UNKNOWN, again, other, again]).count("did you mean") == 2
+    assert render([UNKNOWN, again], "json").count("did you mean") == 2
+
+
 @pytest.mark.parametrize(("folders", "count"), [(1, 3), (4, 4)])
 def test_a_long_path_stands_alone(folders: int, count: int) -> None:
     origin = Origin("a_long_folder/" * folders + "x.yaml", "s': paht + a")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 import re
 import subprocess
@@ -12,17 +13,21 @@ import tomllib
 import zipfile
 from email.message import Message
 from email.parser import Parser
+from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
 
+import taskspec
 from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 SOURCES = sorted((ROOT / "taskspec").rglob("*.py"))
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-INSTALLED = re.compile(r"pip install (?:-e )?(?:'([^']+)'|\"([^\"]+)\"|(\S+))")
+INSTALLED = re.compile(r"pip install (?:-[eq] )?(?:'([^']+)'|\\?\"([^\"\\]+)\\?\"|(\S+))")
 BUILD = "import sys, hatchling.build; hatchling.build.build_wheel(sys.argv[1])"
 WITHOUT_MATPLOTLIB = """
 import sys
@@ -66,9 +71,35 @@ def python(code: str, package: Path, folder: Path) -> str:
 # -- what to install ----------------------------------------------------------------------------------------------
 
 
-def test_a_wheel_names_the_distribution_to_install(wheel: Path, metadata: Message, tmp_path: Path) -> None:
-    assert "figures" in metadata.get_all("Provides-Extra", [])
-    assert f'pip install "{metadata["Name"]}[figures]"' in python(WITHOUT_MATPLOTLIB, wheel, tmp_path)
+GIT = {"vcs": "git", "commit_id": "0a1b2c"}
+FIGURES = " ".join(f'"{requirement}"' for requirement in sorted(EXTRAS["figures"]))
+EDITOR_AND_STUDIO = '"pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=13"'
+
+
+@pytest.mark.parametrize(
+    ("origin", "extra", "named"),
+    [
+        ({}, "figures", '"taskspec-rl[figures]"'),
+        ({"url": ROOT.as_uri(), "dir_info": {}}, "figures", f'"{ROOT}[figures]"'),
+        ({"url": Path(__file__).as_uri(), "archive_info": {}}, "docs", f'"{__file__}[docs]"'),
+        ({"url": "file:///gone/to/dust.whl", "archive_info": {}}, "figures", FIGURES),
+        ({"url": "file:///gone", "dir_info": {}}, "studio", EDITOR_AND_STUDIO),
+        ({"url": "https://a.org/b.whl", "archive_info": {}}, "jax", '"taskspec-rl[jax] @ https://a.org/b.whl"'),
+        ({"url": "https://a.org/b", "vcs_info": GIT}, "jax", '"taskspec-rl[jax] @ git+https://a.org/b@0a1b2c"'),
+    ],
+)
+def test_an_installed_package_names_the_place_that_it_was_installed_from(
+    origin: dict[str, Any], extra: str, named: str, wheel: Path, tmp_path: Path
+) -> None:
+    (folder,) = wheel.glob("*.dist-info")
+    record = folder / "direct_url.json"
+    if origin:
+        record.write_text(json.dumps(origin), encoding="utf-8")
+    code = f"from taskspec.base.extras import install; print(install({extra!r}))"
+    try:
+        assert python(code, wheel, tmp_path) == f"pip install {named}\n"
+    finally:
+        record.unlink(missing_ok=True)
 
 
 def test_a_checkout_names_its_folder(tmp_path: Path) -> None:
@@ -101,17 +132,27 @@ def test_one_module_writes_commands_that_install() -> None:
     assert [p.name for p in SOURCES if "pip install" in p.read_text(encoding="utf-8")] == ["extras.py"]
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", PAGES + NOTEBOOKS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_pages_install_the_checkout_with_extras_that_are_declared(path: Path) -> None:
     for found in INSTALLED.findall(path.read_text(encoding="utf-8")):
         name, _, extras = "".join(found).rstrip("]`").partition("[")
         if "==" in name or name == "--no-deps":  # another version of a library that is compared
             continue
-        assert name == "."
+        is_wheel = fnmatch(f"taskspec_rl-{taskspec.__version__}-py3-none-any.whl", Path(name).name)
+        assert is_wheel or name in (".", "../taskspec", "../../..")
         assert set(extras.split(",")) - {""} <= set(EXTRAS)
 
 
 # -- metadata, and registration -----------------------------------------------------------------------------------
+
+
+def test_the_metadata_declare_every_licence_in_the_wheel(wheel: Path, metadata: Message) -> None:
+    shipped = {path.relative_to(wheel).as_posix() for path in wheel.glob("taskspec/**/*licen[cs]e*")}
+    assert shipped
+    declared = metadata.get_all("License-File", [])
+    assert set(declared) == {"LICENSE", *shipped}
+    (folder,) = wheel.glob("*.dist-info")
+    assert all((folder / "licenses" / name).is_file() for name in declared)
 
 
 def test_links_of_the_metadata_lead_somewhere_without_the_repository(metadata: Message) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec.base.extras import is_installed, machine
-from taskspec.cli.console import console, say, write_json
+from taskspec.base.terminal import console
+from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
 from tests.benchmarks import peers, printed
 from tests.benchmarks.race import Contestant, Rate, ours, race

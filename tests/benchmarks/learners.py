@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+from taskspec.base.columns import Columns
 from taskspec.base.extras import machine
-from taskspec.cli.console import console, say, write_json
-from taskspec.cli.tables import Columns
+from taskspec.base.terminal import console
+from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.learners import learner

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import machine, need
-from taskspec.cli.console import VisibleText, console, write_json
-from taskspec.cli.tables import Columns
+from taskspec.base.terminal import VisibleText, console
+from taskspec.cli.console import write_json
 from tests.benchmarks.printed import Progress, footer, percent
 from tests.benchmarks.race import race, spread
 from tests.benchmarks.tables import PAIRS, Pair, pair

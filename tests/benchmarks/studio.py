@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.cli.console import console, say, write_json
-from taskspec.cli.tables import Columns
+from taskspec.base.columns import Columns
+from taskspec.base.terminal import console
+from taskspec.cli.console import say, write_json
 from tests.benchmarks.tables import SUITE
 from tests.tools.studio.browser import VIEW, Page, chromium, served
 

@@ -19,7 +19,7 @@ from rich.theme import Theme
 from typer.testing import CliRunner
 
 from taskspec.base.extras import is_installed
-from taskspec.cli.console import STYLES
+from taskspec.base.terminal import STYLES
 from taskspec.programs import backend_table as select
 from taskspec.programs.backend_table import PROGRAMS
 from tests.benchmarks import accelerator, chart, learners, printed, tables

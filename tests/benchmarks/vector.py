@@ -13,7 +13,8 @@ import typer
 
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, machine, need
-from taskspec.cli.console import console, misuse, print_diagnostics, say, write_json
+from taskspec.base.terminal import console
+from taskspec.cli.console import misuse, print_diagnostics, say, write_json
 from taskspec.cli.options import checked_choice
 from taskspec.envs.speed import Drive
 from taskspec.language.registry import load

@@ -1,9 +1,9 @@
 // Bundle CodeMirror for `taskspec studio`: `npm install && npm run build` in this folder, with the versions of package.json.
-// Writes codemirror.js, and codemirror.licences.txt with the licence of each package in it, to taskspec/studio/static/.
+// Writes codemirror.js, and codemirror.licences.txt with the licence of each package in it, to taskspec/tools/studio/static/.
 import { build } from "esbuild";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 
-const out = "../../../taskspec/studio/static/codemirror.js";
+const out = "../../../taskspec/tools/studio/static/codemirror.js";
 const { metafile } = await build({
   entryPoints: ["codemirror.js"],
   outfile: out,

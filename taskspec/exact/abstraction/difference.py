@@ -172,13 +172,8 @@ class NamedSteps:
         return self._rows_at(min(t, self.times - 1))
 
     def _rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
-        found = self._steps.table(self.model.codes, t, self._numbers)
-        rows: list[list[dict[Any, Fraction]]] = [[{} for _ in self.actions] for _ in self.names]
-        for row, to, p, reward, ends in zip(*(column.tolist() for column in found[:5]), strict=True):
-            a, s = divmod(row, len(self.names))
-            outcomes = rows[s][a]
-            outcomes[to, reward, bool(ends)] = outcomes.get((to, reward, bool(ends)), Fraction(0)) + p
-        return rows
+        steps = self._steps.table(self.model.codes, t, self._numbers).by_step(len(self.names))
+        return [[steps.get((s, a), {}) for a in range(len(self.actions))] for s in range(len(self.names))]
 
     def observed(self, t: int) -> list[Hashable]:
         """Return what is observed in each state at a time, with probabilities where it is drawn."""

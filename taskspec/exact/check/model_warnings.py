@@ -14,6 +14,7 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.rollout.rollout import at_random, is_bounded
+from taskspec.exact.rules.claim_verdicts import state_left
 from taskspec.exact.scores.partial_observability import pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.language.expressions import syntax as s
@@ -125,7 +126,7 @@ def same_reward(context: LintContext) -> Iterator[Doubt]:
     """Yield the reward if it is always the same, however long the episode."""
     if context.is_constant and context.paid is not None and _later_reward(context) is None:
         message = f"every possible step has reward {words(context.paid[0])}"
-        yield Doubt(context.merged.span(("reward",)), message)
+        yield Doubt(context.merged.span(("reward",)), message, state_left(context.task))
 
 
 def _later_reward(context: LintContext) -> int | None:
@@ -154,7 +155,7 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
     random = context.results.random  # simulated only if the best return is known
     if random is not None and abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
         message = f"random actions are as good as the best: both return {words(optimal.value)}"
-        yield Doubt(context.merged.span(("reward",)), message)
+        yield Doubt(context.merged.span(("reward",)), message, state_left(context.task))
 
 
 def inert(context: LintContext) -> Iterator[Doubt]:

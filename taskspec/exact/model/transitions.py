@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -258,6 +258,23 @@ class OutcomeTable(NamedTuple):
     reward: Array
     ends: Array
     inside: Array
+
+    def by_step(self, states: int) -> dict[tuple[int, int], dict[tuple[int, float, bool], Any]]:
+        """Return outcomes (next state, reward, end) with their probabilities, by state and action.
+
+        Those outside of the states are left out, and equal ones are added up.
+
+        Args:
+            states: how many there are.
+        """
+        steps: dict[tuple[int, int], dict[tuple[int, float, bool], Any]] = {}
+        for row, to, p, reward, ends, inside in zip(*(column.tolist() for column in self), strict=True):
+            if not (inside and p):
+                continue
+            outcomes = steps.setdefault((row % states, row // states), {})
+            outcome = (to, float(reward), bool(ends))
+            outcomes[outcome] = outcomes[outcome] + p if outcome in outcomes else p
+        return steps
 
 
 class Steps:

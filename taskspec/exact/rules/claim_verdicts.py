@@ -113,7 +113,8 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
         message = f"this claim is neither proved nor contradicted: {reason.text}"
         return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:
-        return _failed(claim, case, "false", f"this claim does not hold: {reason.text}", place)
+        message = f"this claim does not hold: {reason.text}"
+        return _failed(claim, case, "false", message, place, hint=state_left(results.task))
     message = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {reason.text}"
     return _failed(claim, case, "contradicted", message, place, episodes)
 
@@ -146,6 +147,15 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
 def _decided(evaluator: ClaimEvaluator, claim: Claim) -> tuple[bool | None, Reason]:
     truth = evaluator.truth(claim.expr)
     return truth.holds, truth.evidence[-1]
+
+
+def state_left(task: Task) -> str | None:
+    """Return a hint where the end, or the reward, may be meant for the state reached and is that of the state left."""
+    for section in ("terminal", "reward"):
+        name = task.state_left(section)
+        if name is not None:
+            return f"`{section}` reads `{name}`, the state that a step leaves; `{name}'` is the state that it reaches"
+    return None
 
 
 def _compares(expr: s.Expr) -> bool:

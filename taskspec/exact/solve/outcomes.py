@@ -87,16 +87,13 @@ class OutcomeLists:
         return self._known[t]
 
     def _listed(self, t: int) -> dict[tuple[int, int], Outcomes]:
-        n = self._model.n_states
-        table = self._steps.table(self._model.codes, t, self._numbers)
-        found: dict[tuple[int, int], list[Outcome]] = {}
-        for row, column, weight, reward, ends, inside in zip(*(each.tolist() for each in table), strict=True):
-            if inside and weight and self._model.acting[row % n]:
-                outcome = Outcome(weight, column, self._read(float(reward)), bool(ends))
-                found.setdefault((row % n, row // n), []).append(outcome)
-        if self._as_paid:
-            return {key: _merged_as_paid(outcomes) for key, outcomes in found.items()}
-        return {key: merged(outcomes) for key, outcomes in found.items()}
+        steps = self._steps.table(self._model.codes, t, self._numbers).by_step(self._model.n_states)
+        listed: dict[tuple[int, int], Outcomes] = {}
+        for (s, a), outcomes in steps.items():
+            if self._model.acting[s]:
+                paid = tuple(Outcome(p, to, self._read(reward), ends) for (to, reward, ends), p in outcomes.items())
+                listed[s, a] = paid if self._as_paid else merged(paid)
+        return listed
 
 
 def merged(outcomes: Iterable[Outcome]) -> Outcomes:
@@ -109,17 +106,6 @@ def merged(outcomes: Iterable[Outcome]) -> Outcomes:
             probability = known.probability + outcome.probability
             paid = known.probability * known.reward + outcome.probability * outcome.reward
             outcome = replace(outcome, probability=probability, reward=paid / probability)
-        found[key] = outcome
-    return tuple(found.values())
-
-
-def _merged_as_paid(outcomes: Iterable[Outcome]) -> Outcomes:
-    """Return outcomes that differ in state, reward or end, with their total probabilities."""
-    found: dict[tuple[int, Number, bool], Outcome] = {}
-    for outcome in outcomes:
-        key = (outcome.state, outcome.reward, outcome.ends)
-        if key in found:
-            outcome = replace(outcome, probability=outcome.probability + found[key].probability)
         found[key] = outcome
     return tuple(found.values())
 

@@ -236,7 +236,7 @@ def _expert_checks(task: Task) -> list[Check]:
     if legal is not None:
         chosen = by_read(Role.ACTION, task.action, task.annotations.expert)
         (node,) = task.new_builder().substitute([legal], chosen)
-        found.append(Check("E413", node, (1,), (1,), "expert"))
+        found.append(Check("E413", node, (1,), (1,), "expert", task.action[0].name))
     return found + _drawn(task, "expert", task.annotations.expert)
 
 

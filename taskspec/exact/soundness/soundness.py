@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
-from taskspec.base.display import plural
 from taskspec.base.limits import also, how_to_raise, limits, tell
 from taskspec.exact.model.extract import number_words, outside_domain
 from taskspec.exact.model.points import Method
 from taskspec.exact.model.space import Reads, domain, shown, words
 from taskspec.exact.soundness.phases import Check, Examination, Violation, entries, phases
 from taskspec.exact.soundness.places import SectionScope, narrow
+from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.check import TooManyExpressions
 from taskspec.language.expressions.ir import reads
 from taskspec.language.expressions.types import TIME, Role
@@ -47,12 +47,16 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
     """Report a violation: an error if episodes may reach it, a warning if that is unknown."""
     check = violation.check
     place: Placed | None = None
+    hint = _HINTS.get(check.code)
     if check.place is not None:
         place = check.place.place
     else:  # that of the smallest expression that gives the value
         for name, expr in entries(task, check.section):
             if name in (check.entry, None):
-                place = narrow(expr, SectionScope(task, check.section), violation.reads).place
+                part = narrow(expr, SectionScope(task, check.section), violation.reads)
+                place = part.place
+                if isinstance(part, s.Call) and part.function == "clip":
+                    hint = "`clip(x, low, high)` has the value first, then the bounds that it keeps to"
                 break
     message = f"{_where(violation, task)}{_what(violation)}"
     notes = []
@@ -70,7 +74,7 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
         return
     if violation.acting is False:
         notes.append("no episode takes an action in this state, but it is a declared state")
-    collector.add(check.code, place, message, _HINTS.get(check.code), notes)
+    collector.add(check.code, place, message, hint, notes)
 
 
 def _where(violation: Violation, task: Task) -> str:
@@ -229,7 +233,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 )
         except TooManyExpressions:
             untried = len(others) - number
-            found.append(_too_many(task, untried))
+            found.append(_too_many(task, len(others), untried))
             break
         except SpecError as error:
             for diagnostic in error.diagnostics:
@@ -246,12 +250,10 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     return Ranges(tuple(found), tuple(tried), untried)
 
 
-def _too_many(task: Task, untried: int) -> Diagnostic:
-    """Return the warning that some settings of a task are not checked, since they have too many expressions."""
+def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
     most = limits().expressions
-    message = (
-        f"{plural(untried, 'other setting')} not checked: all together have more than {most // SHARE:,} expressions"
-    )
+    together = f"all together have more than {most // SHARE:,} expressions"
+    message = f"{settings - untried} of {settings} other settings are checked: {together}"
     place = merge(task.source.document, task.source.variant).key_span(("parameters",))
     return Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most))
 

@@ -462,9 +462,30 @@ class _Table:
                         name = c.expr.written
                     missing.append(f"{name} = {c.shown(v)}")
                 message = f"this table has no row for {', '.join(missing)}"
-                checker.fail("E410", expr, message, "add the row, or `else:`")
+                checker.collector.add("E410", self._gap(expr, values), message, "add the row, or `else:`")
+                raise Poisoned
             grid.append(cell)
         return grid
+
+    def _gap(self, expr: s.Table, values: tuple[int, ...]) -> s.Place:
+        """Return the place of the innermost rows that lack one for some values: their key, or that of the whole table."""
+        place = expr.place
+        rows = expr.rows
+        start = 0
+        for level, value in enumerate(values):
+            entered = None
+            for row in rows:
+                key = self.keys[start][level]
+                if isinstance(row.body, tuple) and (key == value or (key is None and entered is None)):
+                    entered = row, start
+                start += sum(1 for _ in s.cells([row]))
+            if entered is None:
+                break
+            row, start = entered
+            assert isinstance(row.body, tuple)
+            rows = row.body
+            place = row.place if row.key is None else row.key.place
+        return place
 
     def look_up(self, cells: Sequence[Node]) -> Node:
         """Return the cell of the present row: a look-up in a constant array where possible, else a chain of selects."""

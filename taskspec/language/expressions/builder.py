@@ -23,6 +23,7 @@ from taskspec.language.expressions.types import (
     Expression,
     Interval,
     Kind,
+    NoElement,
     Range,
     Refused,
     Role,
@@ -275,7 +276,7 @@ class Builder:
     def within(self, node: Node, low: float, high: float) -> Node:
         """Return an int moved to the nearest of low, ..., high, if it might be none of them; refused where there are none."""
         if low > high and node.type.size:
-            raise Refused("a vector without elements has no index", "E315")
+            raise NoElement
         least, most = self.certain(node)
         if least < low:
             node = self.apply("max2", node, self.scalar(int(low)))

@@ -32,7 +32,7 @@ from taskspec.language.expressions.scope import (
     named,
     varies,
 )
-from taskspec.language.expressions.types import Domain, Kind, Role, Shape, Type
+from taskspec.language.expressions.types import Domain, Kind, NoElement, Role, Shape, Type
 
 FOLDS = ("fold", "scan")
 SET_FUNCTIONS = ("box", "range")
@@ -157,16 +157,18 @@ def _applied(
 
 def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
     """Return the value of `fold(f, start, x)` or `scan(f, start, x)`."""
-    if len(expr.args) != 3 or expr.keywords:
-        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
+    _check_positional(checker, expr)
+    _check_count(checker, expr, f"{expr.function}(f, start, x)", len(expr.args) == 3)
     written, start, vector = expr.args
     step = None
     near = None
     if isinstance(written, s.Name):
         step = scope.lookup(written.written)
         near = suggest(written.id, _definitions(scope))
+    if isinstance(step, Lazy) and isinstance(written, s.Name):
+        step.resolve(written)  # gives up where it is broken
     if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
-        hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
+        hint = near or f'`definitions: {{"f(value, element)": value + element}}`, then `{expr.function}(f, 0, x)`'
         checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
     value, elements = checker.each(checker.value, [(start, scope), (vector, scope)])
     value = named(value, start, scope)
@@ -375,8 +377,10 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
         return _moved(checker, node, length, expr)
     for i in node.flat:
         if not -length <= i < length:
-            message = f"index {i} is outside a vector of {length or 'no'} element{'s' * (length != 1)}"
-            checker.fail("E315", expr, message, f"indices go from 0 to {length - 1}" if length else None)
+            if not length:
+                raise NoElement
+            message = f"index {i} is outside a vector of {length} element{'s' * (length != 1)}"
+            checker.fail("E315", expr, message, f"indices go from 0 to {length - 1}")
     return checker.builder.position(node, length)
 
 

@@ -10,7 +10,7 @@ import math
 from functools import partial, reduce
 from typing import assert_never
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
+from taskspec.base.diagnostics import Advice, Collector, Diagnostic, SpecError, nearest, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.expressions import alternatives, calls, sets
 from taskspec.language.expressions import syntax as s
@@ -25,6 +25,14 @@ _PRIMES = (
     "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
     "`memory` may use that of an observation"
 )
+
+
+def truth_hint(word: str) -> Advice | None:
+    """Return what to write for a truth value of other formats."""
+    truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(word.lower())
+    if truth is None:
+        return None
+    return Advice(f"a truth value is `{truth}`", word, truth)
 
 
 class TooManyExpressions(SpecError):
@@ -144,7 +152,7 @@ class Checker(BaseChecker):
             return self._label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):
             self.fail("E304", expr, f"'{expr.id}' is a function; call it with arguments")
-        hint = suggest(expr.id, scope.names())
+        hint = truth_hint(expr.id) or suggest(expr.id, scope.names())
         if hint is None and want is not None:
             return self._label(expr.id, expr, scope, want)
         self.fail("E302", expr, undefined, hint)

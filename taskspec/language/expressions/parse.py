@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import chain
-from keyword import iskeyword
+from keyword import iskeyword, kwlist
 from typing import NoReturn
 
 from taskspec.base.diagnostics import Advice, Collector, Diagnostic, SpecError
@@ -30,6 +30,7 @@ _CONFUSIONS = (
     (r"(?<![=!<>])=(?!=)", "`==` compares; `=` is only for keyword arguments", "=="),
     (r"!(?!=)", "write `not x`", "not"),
     (r"\?", "write `x if condition else y`", None),
+    (r"(?<=[\w)\]]) mod (?=[\w(])", "write `%`", " % "),
 )
 """Operators of other languages, what to say about them, and what is written here in their place."""
 _SPACE = "an ordinary space"
@@ -57,6 +58,7 @@ class SyntaxFailure(Exception):
 def explain(value: str, error: Exception) -> NoReturn:
     """Say what Python's parser stumbled over, in the terms of this language."""
     _refuse_operators(value)
+    _refuse_keywords(value)
     if not isinstance(error, SyntaxError):
         raise SyntaxFailure(0, len(value), "this expression is nested too deeply", code="E314")
     if "integer string conversion" in (error.msg or ""):
@@ -92,7 +94,27 @@ def _refuse_operators(value: str) -> None:
         if found and word is not None:
             hint = Advice(hint, found[0], _apart(word, value[: found.start()], value[found.end() :]))
         if found:
-            raise SyntaxFailure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
+            raise SyntaxFailure(found.start(), found.end(), f"'{found[0].strip()}' is not an operator here", hint)
+
+
+_GRAMMAR = ("and", "or", "not", "in", "if", "else", "for")
+_KEYWORDS = "|".join(word for word in kwlist if word not in (*_GRAMMAR, "True", "False"))
+_KEYWORD = re.compile(rf"(?<![\w'\"])(?:{_KEYWORDS})(?![\w'\"])")
+
+
+def _refuse_keywords(value: str) -> None:
+    """Refuse the first word of Python that no expression has; as a label it is quoted."""
+    found = _KEYWORD.search(value)
+    if found is None:
+        return
+    word = found[0]
+    if word == "lambda" and ":" in value[found.end() :]:
+        message, hint = _REFUSED["Lambda"]
+        raise SyntaxFailure(found.start(), found.end(), message, hint, "E316")
+    message = f"`{word}` is a word of Python, by whose grammar expressions are read"
+    raise SyntaxFailure(
+        found.start(), found.end(), message, Advice(f"a label is quoted: `'{word}'`", word, f"'{word}'")
+    )
 
 
 def _of_character(value: str, at: int) -> str:
@@ -310,7 +332,7 @@ _REFUSED: dict[str, tuple[str, str | None]] = {
     "Invert": _BITS,
     "MatMult": ("`@` is not an operator here", "write `dot(a, b)`"),
     "Compare": ("`is` is not part of the language", "write `==`"),
-    "JoinedStr": ("formatted strings are not part of the language", None),
+    "JoinedStr": ("formatted strings are not part of the language", "compare values, not texts: `s == 1`"),
 }
 
 
@@ -390,6 +412,12 @@ class _Reader:
                 return s.Number(value, self.text.value[place.start : place.end], place)
             case str(value):
                 return s.Quoted(value, place)
+            case None:
+                self.fail(
+                    node,
+                    "'None' is not a value of this language",
+                    Advice("a label is quoted: `'None'`", "None", "'None'"),
+                )
             case _:
                 self.fail(node, f"'{ast.unparse(node)}' is not a value of this language")
 

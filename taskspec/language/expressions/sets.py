@@ -217,7 +217,13 @@ def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Doma
             table = checker.numeric(expr, scope)
     if not isinstance(table, Const) or table.type.is_scalar:
         message = "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector"
-        checker.fail("E312", expr, message)
+        hint = None
+        if len(clause.targets) == 1 and len(table.type.shape) == 1:
+            name = clause.targets[0]
+            hint = (
+                f"`for i in range(len({expr.place.written}))`, and `{expr.place.written}[i]` in the place of `{name}`"
+            )
+        checker.fail("E312", expr, message, hint)
     return _Points(batch.array(table)[..., 0], domain)
 
 

@@ -162,6 +162,13 @@ class Refused(Exception):
         self.hint = hint
 
 
+class NoElement(Refused):
+    """An element of a vector without elements (E407)."""
+
+    def __init__(self, what: str = "index") -> None:
+        super().__init__(f"a vector without elements has no {what}", "E407")
+
+
 def total_size(items: Iterable[Any]) -> int:
     """Return how many elements some components, nodes or other typed values have together."""
     return sum(item.type.size for item in items)

@@ -275,10 +275,32 @@ def _checked(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
     context = names.context
     try:
         return _pipeline(context, names, dict(parameters), suite)
+    except SpecError as error:
+        lacking = [d for d in error.diagnostics if d.code == "E407" and d.span is not None]
+        if len(lacking) < 2:
+            raise
+        others = [d for d in error.diagnostics if d not in lacking]
+        raise SpecError([*others, _first(lacking)]) from None
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
         context.collector.raise_if_errors()
         place = context.merged.span(("name",))
         raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
+
+
+def _first(lacking: Sequence[Diagnostic]) -> Diagnostic:
+    """Return the first of several mistakes that have one cause, with the places of the others."""
+    first, *others = lacking
+    places = dict.fromkeys(_line(d, first) for d in others)
+    note = f"a value is missing in {', '.join(places)} as well"
+    return replace(first, notes=(*first.notes, note))
+
+
+def _line(d: Diagnostic, beside: Diagnostic) -> str:
+    """Return the place of a diagnostic, in short if it is in the same file as another one."""
+    assert d.span is not None and beside.span is not None
+    if d.span.origin == beside.span.origin:
+        return f"line {d.span.line}"
+    return str(d.span)
 
 
 def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str) -> Task:

@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.base.display import InNotebooks
 from taskspec.base.ids import InstanceId
+from taskspec.base.named import all_names
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.ir import Const, Draw, Node, Read, draws, plain, walk
@@ -199,6 +200,19 @@ class Task(InNotebooks):
     def unmodified(self) -> Task:
         """The task as its spec has it."""
         return self.written_as or self
+
+    def state_left(self, section: str) -> str | None:
+        """Return a state component if the reward or the end of a step depends on the state that it leaves alone; else None."""
+        scope = self.source.surface.scopes.get(section)
+        if scope is None:
+            return None
+        own = set(all_names(self.state))
+        others = (
+            {name + "'" for name in own} | set(all_names(self.action)) | set(self.source.merged.data.get("noise") or {})
+        )
+        if scope.used & others:
+            return None
+        return min(scope.used & own, default=None)
 
     @property
     def ending(self) -> parts.Ending:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.display import plural
 from taskspec.exact.model.extract import tabulated
 from taskspec.exact.model.model import Model
 from taskspec.tools.audit.snapshot import Place, drawn, place_value, reseed, snapshot
@@ -171,8 +172,11 @@ class TableSearch:
         if not self.table.ends(step, depth) and depth < self.deepest and state not in self.listed:
             self.listed.add(state)
             self.waiting.append((state, depth, _copied(instance), trace))
-        if len(self.table.states) > MOST_STATES or self.until.is_over:
-            raise Untabulated(f"more than {len(self.table.states):,} states were found")
+        if len(self.table.states) > MOST_STATES:
+            raise Untabulated(f"it has more than {MOST_STATES:,} states")
+        if self.until.is_over:
+            count = plural(len(self.table.states), "state")
+            raise Untabulated(f"the time for its table ran out after {count}, and --seconds allows more")
         return state
 
     def _fork(self, held: EnvInstance | None, trace: Trace) -> EnvInstance:

@@ -64,22 +64,24 @@ def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, F
 
 def _finite(task: Task) -> Task:
     """Return the task, or the finite one that its spec gives in its place."""
-    found = abstraction(task)
-    return task if found is None else found.stand_in
+    abstract = abstraction(task)
+    if abstract is None:
+        return task
+    return abstract.stand_in
 
 
-def written(found: FrozenTask, format: ModelFormat) -> bytes:
+def written(frozen: FrozenTask, format: ModelFormat) -> bytes:
     """Return the content of a file."""
-    return format.write(settled(found) if format.is_settled else found)
+    return format.write(settled(frozen) if format.is_settled else frozen)
 
 
-def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
+def notes(task: Task, frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
     """Yield what a format does not carry of a task, and how it says the rest."""
     if _finite(task) is not task:
         yield f"states: those of the abstraction of {task.name}"
     if not task.observation.is_state:
         names = ", ".join(c.name for c in task.observation.components)
-        if found.seen is None:
+        if frozen.seen is None:
             yield f"observations ({names}): not in the file; its states are the task's"
         elif format.is_settled:
             yield f"observations ({names}): numbered"
@@ -89,23 +91,23 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"
     if not format.is_settled:
         yield "probabilities and rewards: floats"
-    elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
+    elif any(isinstance(outcome.probability, float) for _, _, outcome in frozen.steps()):
         yield "probabilities: floats; a draw of the task has no rational ones"
-    yield from _notes_on_time(found, format)
+    yield from _notes_on_time(frozen, format)
 
 
-def _notes_on_time(found: FrozenTask, format: ModelFormat) -> Iterator[str]:
-    if found.values and "t" in found.values[0]:
+def _notes_on_time(frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
+    if frozen.values and "t" in frozen.values[0]:
         yield "time: the component t of the state"
     if not format.is_settled:
-        if found.last is not None:
-            yield f"end of the episode at t = {found.last}: the horizon"
+        if frozen.last is not None:
+            yield f"end of the episode at t = {frozen.last}: the horizon"
         return
-    if found.discount != 1:
-        yield f"discount {found.discount}: after each step the episode ends with probability 1 - {found.discount}"
-    if sum(probability > 0 for probability in found.start) > 1:
+    if frozen.discount != 1:
+        yield f"discount {frozen.discount}: after each step the episode ends with probability 1 - {frozen.discount}"
+    if sum(probability > 0 for probability in frozen.start) > 1:
         yield "start distribution: the first step, from the state labelled draw"
-    ready = settled(found)
+    ready = settled(frozen)
     yield f"optimal return: {property_of(ready, 'max')}; worst: {property_of(ready, 'min')}"
 
 
@@ -129,8 +131,10 @@ def read(place: str, format: str | None = None) -> FrozenTask:
         source = ForeignFile(place, path.read_bytes())
     except OSError as error:
         raise spec_error("E711", f"{place}: {error.strerror or error}") from error
-    found = guarded(chosen.read)(source)
-    return unsettled(found) if chosen.is_settled else found
+    task = guarded(chosen.read)(source)
+    if not chosen.is_settled:
+        return task
+    return unsettled(task)
 
 
 def _format_of(path: Path, name: str | None) -> ModelFormat:

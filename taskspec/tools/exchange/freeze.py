@@ -71,15 +71,15 @@ def tables(model: Model, most: int) -> FrozenTask:
     Raises:
         SpecError: E712 for a model that is too large.
     """
-    found = visited_table(model, most)
-    index = {place: i for i, place in enumerate(found.places)}
-    values = tuple(_values(model, found.places, found.is_timed))
+    visited = visited_table(model, most)
+    index = {place: i for i, place in enumerate(visited.places)}
+    values = tuple(_values(model, visited.places, visited.is_timed))
     return FrozenTask(
-        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in found.places], values, "s"),
+        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in visited.places], values, "s"),
         actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
-        start=found.start, outcomes=found.outcomes, horizon=model.horizon, discount=found.discount, last=found.last,
-        values=values, seen=_observations(model, found.places, found.is_timed),
-        labels={name: frozenset(index[p] for p in found.places if holds[p[1]]) for name, holds in _conditions(model)},
+        start=visited.start, outcomes=visited.outcomes, horizon=model.horizon, discount=visited.discount, last=visited.last,
+        values=values, seen=_observations(model, visited.places, visited.is_timed),
+        labels={name: frozenset(index[p] for p in visited.places if holds[p[1]]) for name, holds in _conditions(model)},
     )  # fmt: skip
 
 

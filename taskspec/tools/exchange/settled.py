@@ -91,8 +91,8 @@ def at_random(task: FrozenTask) -> FrozenTask:
     rows = []
     for by_action in task.outcomes:
         share = Fraction(1, len(list(filter(None, by_action))))
-        found = [replace(o, probability=o.probability * share) for outcomes in by_action for o in outcomes]
-        rows.append((merged(found),))
+        shared = [replace(o, probability=o.probability * share) for outcomes in by_action for o in outcomes]
+        rows.append((merged(shared),))
     return replace(task, actions=("random",), outcomes=tuple(rows))
 
 

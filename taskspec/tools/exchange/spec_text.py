@@ -95,12 +95,12 @@ def _observation(states: Sequence[str], seen: Sequence[tuple[float, ...]]) -> It
 
 
 def _legal(task: FrozenTask) -> Iterator[str]:
-    found: Entries = {}
+    entries: Entries = {}
     for s in sorted(task.acting):
         for a, outcomes in enumerate(task.outcomes[s]):
-            found[task.states[s], task.actions[a], ""] = str(bool(outcomes)).lower()
-    if "false" in found.values():
-        yield from _TableText("legal", task, found).lines()
+            entries[task.states[s], task.actions[a], ""] = str(bool(outcomes)).lower()
+    if "false" in entries.values():
+        yield from _TableText("legal", task, entries).lines()
 
 
 def _figure(task: FrozenTask) -> Iterator[str]:
@@ -115,15 +115,15 @@ def _figure(task: FrozenTask) -> Iterator[str]:
 
 def _next_states(task: FrozenTask) -> Entries:
     """Return next states; `s` in states that no action leaves."""
-    found: Entries = {}
+    entries: Entries = {}
     for s, by_action in enumerate(task.outcomes):
         stays = all(outcome.state == s for outcomes in by_action for outcome in outcomes)
         for a, outcomes in enumerate(by_action):
             if not outcomes:
                 continue
             pairs = [(task.states[outcome.state], outcome.probability) for outcome in outcomes]
-            found[task.states[s], task.actions[a], ""] = "s" if stays else _distribution(pairs)
-    return found
+            entries[task.states[s], task.actions[a], ""] = "s" if stays else _distribution(pairs)
+    return entries
 
 
 def has_mean_rewards(task: FrozenTask) -> bool:
@@ -140,8 +140,9 @@ def _reward_table(task: FrozenTask) -> _TableText:
 
 def _rewards(task: FrozenTask) -> Iterator[str]:
     """Yield the table of rewards."""
-    if not has_mean_rewards(task):
-        yield from _reward_table(task).lines()
+    table = _reward_table(task)
+    if table.cells <= limits().cells:
+        yield from table.lines()
         return
     means: Entries = {}
     for s in task.acting:
@@ -156,12 +157,12 @@ def _ends(task: FrozenTask) -> Iterator[str]:
     if task.last is not None:
         yield f"terminal: t == {task.last}"
         return
-    found: Entries = {}
+    entries: Entries = {}
     for s, a, outcome in _taken(task):
-        found[task.states[s], task.actions[a], task.states[outcome.state]] = str(outcome.ends).lower()
-    if "true" not in found.values():
+        entries[task.states[s], task.actions[a], task.states[outcome.state]] = str(outcome.ends).lower()
+    if "true" not in entries.values():
         return
-    table = _TableText("terminal", task, found)
+    table = _TableText("terminal", task, entries)
     ends = [name for name in task.states if table.rows.get((name,)) == "true"]
     if table.keys == ("s'",) and len(ends) <= MOST_ENDS:
         yield f"terminal: s' == {ends[0]}" if len(ends) == 1 else f"terminal: s' in {{{', '.join(ends)}}}"
@@ -185,12 +186,12 @@ class _TableText:
     @staticmethod
     def _by(entries: Entries, keys: tuple[str, ...]) -> tuple[tuple[str, ...], dict[tuple[str, ...], str]] | None:
         """Return entries by some of their keys; None where these do not tell them apart."""
-        found: dict[tuple[str, ...], str] = {}
+        rows: dict[tuple[str, ...], str] = {}
         for entry, value in entries.items():
             key = tuple(entry[_AT[name]] for name in keys)
-            if found.setdefault(key, value) != value:
+            if rows.setdefault(key, value) != value:
                 return None
-        return keys, found
+        return keys, rows
 
     @property
     def cells(self) -> int:
@@ -207,10 +208,7 @@ class _TableText:
             return
         indent = " " * (len(self.name) - len(self.name.lstrip()) + 2)
         yield from (f"{self.name}:", f"{indent}by: [{', '.join(self.keys)}]", f"{indent}rows:")
-        below: dict[str, dict[tuple[str, ...], str]] = {}
-        for key, value in self.rows.items():
-            below.setdefault(key[0], {})[key[1:]] = value
-        texts = {first: self._row(rest, self.keys[1:]) for first, rest in below.items()}
+        texts = self._texts(self.rows, self.keys)
         common = _common(texts.values())
         is_shared = list(texts.values()).count(common) > 1 or len(texts) < self.counts[self.keys[0]]
         for first, text in texts.items():
@@ -218,6 +216,13 @@ class _TableText:
                 yield f"{indent}  {first}: {text}"
         if is_shared:
             yield f"{indent}  else: {common}"
+
+    def _texts(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> dict[str, str]:
+        """Return the rows of each value of the first key."""
+        below: dict[str, dict[tuple[str, ...], str]] = {}
+        for key, value in rows.items():
+            below.setdefault(key[0], {})[key[1:]] = value
+        return {first: self._row(rest, keys[1:]) for first, rest in below.items()}
 
     def _row(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> str:
         """Return one row: a value where all are equal, or values by the next key.
@@ -227,10 +232,7 @@ class _TableText:
         first = next(iter(rows.values()))
         if len(set(rows.values())) == 1:
             return f"{{else: {first}}}" if keys and first.startswith("{") else first
-        below: dict[str, dict[tuple[str, ...], str]] = {}
-        for key, value in rows.items():
-            below.setdefault(key[0], {})[key[1:]] = value
-        texts = {first: self._row(rest, keys[1:]) for first, rest in below.items()}
+        texts = self._texts(rows, keys)
         common = _common(texts.values())
         is_whole = len(texts) == self.counts[keys[0]]
         if is_whole and list(texts.values()).count(common) == 1:

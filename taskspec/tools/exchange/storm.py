@@ -98,30 +98,30 @@ class ComparedReturn:
         return str(self.storm) if self.storm.denominator < SHORT else digits(self.storm)
 
 
-def compared(model: Model, found: FrozenTask) -> Iterator[ComparedReturn]:
+def compared(model: Model, frozen: FrozenTask) -> Iterator[ComparedReturn]:
     """Yield the optimal, worst and random return of a task, solved by Storm from a UMB file.
 
     Args:
         model: the exact model.
-        found: its tables.
+        frozen: its tables.
 
     Raises:
         SpecError: E705 without stormpy, E712 for a task whose returns are not known.
     """
-    ready = settled(replace(found, seen=None))  # returns of policies that see the state
+    ready = settled(replace(frozen, seen=None))  # returns of policies that see the state
     best, worst = solved(ready, property_of(ready, "max"), property_of(ready, "min"))
     random = at_random(ready)
     (middle,) = solved(random, property_of(random, "max"))
     theirs = {"optimal": best, "random": middle, "worst": worst}
-    for which, ours in _ours(model, found).items():
+    for which, ours in _ours(model, frozen).items():
         yield ComparedReturn(which, ours, theirs[which])
 
 
-def _ours(model: Model, found: FrozenTask) -> dict[str, Enclosure]:
+def _ours(model: Model, frozen: FrozenTask) -> dict[str, Enclosure]:
     """Return our returns: rationals where there are some, else with bounds of rounding errors."""
-    is_rational = not any(isinstance(outcome.probability, float) for _, _, outcome in found.steps())
+    is_rational = not any(isinstance(outcome.probability, float) for _, _, outcome in frozen.steps())
     if model.horizon is None and is_rational:
-        ready = settled(found)
+        ready = settled(frozen)
         with suppress(Inexact):
             best, random, worst = (stationary_return(ready, pick) for pick in (max, None, min))
             return {name: Enclosure.exactly(v) for name, v in (("optimal", best), ("random", random), ("worst", worst))}
@@ -182,7 +182,7 @@ def _ending_policy(ready: FrozenTask) -> Shares:
 
 def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., int]) -> dict[int, int]:
     """Return the best action of each state in which it is better than the policy with the values V."""
-    found = {}
+    better = {}
     for s, by_action in enumerate(ready.outcomes):
         Q = {}
         for a, outcomes in enumerate(by_action):
@@ -190,8 +190,8 @@ def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., in
                 Q[a] = sum((o.probability * (o.reward + V[o.state]) for o in outcomes), Fraction(0))
         best = pick(Q, key=Q.__getitem__)
         if s not in ready.labels[END] and Q[best] != V[s]:
-            found[s] = best
-    return found
+            better[s] = best
+    return better
 
 
 def _policy_values(ready: FrozenTask, policy: Shares) -> list[Fraction]:

@@ -174,6 +174,7 @@ class _Archive:
             remarks=self.remarks,
         )  # fmt: skip
         lost = {name.rpartition("/")[0] or name for name in self.files}
+        lost |= {f"model-data/{key}" for key in self.index.get("model-data", {}) if key != "name"}
         return assembled(self.source, replace(contents, lost=tuple(lost)))
 
     def _fresh(self, name: str, row: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.exact.soundness import places
+from taskspec.exact.soundness.phases import entries, phases
 from taskspec.exact.soundness.soundness import cases, check_ranges, examine, soundness
 from taskspec.language import source
 from taskspec.language.task.build import build
@@ -262,7 +263,7 @@ def test_parameters_are_tried_at_the_ends_of_their_ranges() -> None:
 
 
 @pytest.mark.parametrize(("parts", "code", "values"), [
-    ({"REWARD": "max([i for i in range(n - 1)]) * s'"}, "E307", "n = 1"),
+    ({"REWARD": "max([i for i in range(n - 1)]) * s'"}, "E407", "n = 1"),
     ({"INITIAL": "sum(Uniform({p for p in box(0, 5, n)})) % 2"}, "E314", "n = 9"),
 ])  # fmt: skip
 def test_what_cannot_be_built_for_other_parameters_names_them(parts: dict[str, str], code: str, values: str) -> None:
@@ -286,3 +287,13 @@ def test_noise_is_drawn_even_where_nothing_uses_it() -> None:
     assert all("give `pick` a value there, `pick: ... if CONDITION else VALUE`" in d.notes[-1] for d in found)
     guarded = noise.replace(")'}", ") if s + a > 0 else 0'}")
     assert not soundness(written(EXPERT=f"1{guarded}", DYNAMICS="pick"))
+
+
+def test_every_check_has_a_place() -> None:
+    every = [task for task in tasks(*EVERY) if task.process.legal is not None or task.annotations.memory is not None]
+    assert len(every) > 10
+    for task in every:
+        for phase in phases(task, 1000):
+            for check in phase.checks:
+                named = [name for name, _ in entries(task, check.section) if name in (check.entry, None)]
+                assert check.place is not None or named, (task, check)

@@ -329,3 +329,37 @@ def test_a_report_is_about_its_task_and_says_of_numbers_only_what_is_not_written
     assert found.task.name == "RiskyPath"
     (wrong,) = (d for d in found.diagnostics if d.code == "E601")
     assert "optimal_return is 4" in wrong.message and "4.50 is" not in wrong.message
+
+
+LATE = """
+taskspec: 1
+name: Late
+state: {s: {type: int, low: 0, high: 4}}
+action: {a: {type: choice, values: [left, right]}}
+horizon: 9
+initial: {s: 0}
+definitions: {arrived: s == 4}
+dynamics: {s': "clip(s + (a == right) - (a == left), 0, 4)"}
+reward: s' == 4
+terminal: s' == 4
+claims: [optimal_return == 3]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "section"),
+    [
+        ("terminal: s'", "terminal: s", "terminal"),
+        ("terminal: s' == 4", "terminal: arrived", "terminal"),
+        ("reward: s'", "reward: s", "reward"),
+        ("reward: s' == 4", "reward: s == 4 and a == right", None),
+        ("terminal: s' == 4", "terminal: t == 8", None),
+        ("optimal", "random", None),
+    ],
+)
+def test_a_false_claim_names_what_reads_the_state_left(old: str, new: str, section: str | None) -> None:
+    """Where the end, or the reward, may be meant for the state that a step reaches."""
+    report = exact.check(build(source.read_text(LATE.replace(old, new))))
+    (wrong,) = (d for d in report.diagnostics if d.code == "E601")
+    hint = section and f"`{section}` reads `s`, the state that a step leaves; `s'` is the state that it reaches"
+    assert wrong.hint == hint

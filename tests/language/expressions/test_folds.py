@@ -83,7 +83,7 @@ def test_the_end_in_a_reward_is_the_condition_written_out() -> None:
         ("fold(depth, 0, word')", "fold(depth, 0, a)", "E306", "fold goes through a vector, not int"),
         ("fold(depth, 0, word')", "fold(max, 0, word')", "E306", "fold needs a definition with two arguments"),
         ("fold(depth, 0, word')", "fold(depht, 0, word')", "E306", "fold needs a definition with two arguments"),
-        ("fold(depth, 0, word')", "fold(depth, 0)", "E304", "fold(f, start, x) was given the wrong arguments"),
+        ("fold(depth, 0, word')", "fold(depth, 0)", "E304", "fold(f, start, x) was given 2 arguments"),
         ("scan(depth, i // 2, word)", "scan(depth, i, word)[4]", "E315", "index 4 is outside a vector of 4"),
         ("terminal: i >= 3 and Bernoulli(1/2)", "", "E302", "there is no section `terminal`"),
         ("i >= 3 and", "terminal and", "E302", "'terminal' can only be used in `reward`"),

@@ -189,6 +189,18 @@ def test_both_sides_of_a_comparison_are_checked(reward: str, names: list[str]) -
     assert [_written(text, p) for p in problems(source.read_text(text))] == names
 
 
+@pytest.mark.parametrize(
+    "use", ["fold(f, 0, (1, 2))", "scan(f, 0, (1, 2))[s]", "f(s, 1)", "2 * f(1, 1) + fold(f, 0, (s, s))"]
+)
+@pytest.mark.parametrize("name", ["f", '"f(x, y)"'])
+def test_a_broken_definition_is_all_that_is_wrong(name: str, use: str) -> None:
+    text = UNCALLED.replace(
+        UNCALLED[UNCALLED.index('  "f(x') : UNCALLED.index("state:")], f'  {name}: "lambda x, y: x + y"\n'
+    )
+    found = problems(source.read_text(text.replace("reward: 0", f"reward: {use}")))
+    assert [p.code for p in found] == ["E316"]
+
+
 # -- what to do about it ----------------------------------------------------------------------------------------------
 
 GRID = """\
@@ -231,7 +243,7 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
         "      calm: {up: cross, else: calm}",
         "      calm: {up: cross}",
         "E410",
-        "by: [mood, move]\n    rows:\n      calm: {up: cross}\n      cross: calm",
+        "calm",
         "add the row, or `else:`",
     ),
     (
@@ -252,6 +264,13 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("high: N - 1}", "high: 10**30}", "E318", "10**30", "a real has no such limit"),
     ("norm1(q)", "np.abs(q)", "E316", "np.abs", "write `abs(x)`"),
     ("norm1(q)", "norm1(q) + Normal()", "E311", "Normal()", None),
+    (
+        "clip(p + move, 0, N - 1)",
+        "clip(0, N - 1, p + move)",
+        "E403",
+        "clip(0, N - 1, p + move)",
+        "`clip(x, low, high)` has the value first, then the bounds that it keeps to",
+    ),
     ("mood: calm\n", "mood: 'Uniform({calm, cross}) if Bernoulli(1/0) else calm'\n", "E402", "Bernoulli(1/0)", None),
     ("-far(p')", "Normal(0, 1/0)", "E408", "Normal(0, 1/0)", None),
     ("-far(p')", "Uniform(-inf, 0)", "E408", "Uniform(-inf, 0)", None),

@@ -10,7 +10,7 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.console import console
+from taskspec.base.terminal import console
 from taskspec.cli.report import print_exam
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.learn.exam.learned import learned_fields, learned_values

@@ -18,7 +18,7 @@ from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.console import console
+from taskspec.base.terminal import console
 from taskspec.cli.report import print_exam
 from taskspec.exam import read
 from taskspec.learn.exam import findings, report

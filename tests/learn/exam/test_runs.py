@@ -185,7 +185,7 @@ def test_results_of_other_versions_limits_and_episodes_are_not_reused(
     with limits.also("transitions=1e6"):
         assert anew(exam) == 2
     with monkeypatch.context() as changed:
-        changed.setattr("taskspec.__version__", "0.0.0")
+        changed.setattr("taskspec.learn.exam.trial.__version__", "0.0.0")
         assert anew(exam) == 2
     with monkeypatch.context() as changed:
         changed.setattr("taskspec.learn.exam.examining.EPISODES", 7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +12,11 @@ import numpy as np
 import pytest
 
 from taskspec.tools.audit import subject as subjects
+from taskspec.tools.audit import tabulate
 from taskspec.tools.audit.evidence import Evidence
 from taskspec.tools.audit.findings import Audit, examined
-from taskspec.tools.audit.subject import Subject, frozen
+from taskspec.tools.audit.subject import Deadline, Subject, frozen
+from taskspec.tools.audit.tabulate import TableSearch, Untabulated
 from tests.shared.commands import Done
 from tests.shared.sparse import sparse
 from tests.tools.audit.environments import PLANTED, RIGHT
@@ -66,6 +69,15 @@ def test_a_table_by_copies_has_the_values_of_the_own_one() -> None:
     assert copied.solved.best == expected.best == 1.0
     assert copied.solved.random == pytest.approx(expected.random, abs=1e-12)
     assert copied.solved.constant == pytest.approx(expected.constant, abs=1e-12)
+
+
+def test_a_search_says_what_ended_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tabulate, "MOST_STATES", 3)
+    subject = Subject(f"{PLACE}:lake_without_table", {})
+    for seconds, words in ((-1.0, "the time for its table ran out after 1 state"), (60.0, "it has more than 3 states")):
+        search = TableSearch(subject, None, frozenset(), frozenset(), Deadline(seconds), math.inf)
+        with pytest.raises(Untabulated, match=words):
+            search.run()
 
 
 def test_estimated_chance_is_near_the_right_one() -> None:

@@ -95,7 +95,7 @@ def test_a_model_of_another_tool(tmp_path: Path) -> None:
     ]
     path = tmp_path / "other.umb"
     labels = {"aps": {"goal": {"alias": "the goal"}}}
-    path.write_bytes(model(rows, annotations=REWARD | labels, files={
+    path.write_bytes(model(rows, annotations=REWARD | labels, **{"model-data": {"name": "x", "doi": "y"}}, files={
         "annotations/rewards/paid/states/values.bin": struct.pack("<4d", 1, 2, 0, 0),
         "annotations/rewards/cost/choices/values.bin": struct.pack("<5d", 1, 2, 3, 4, 5),
         "annotations/aps/goal/states/values.bin": struct.pack("<Q", 0b0100),
@@ -104,7 +104,7 @@ def test_a_model_of_another_tool(tmp_path: Path) -> None:
     out = tmp_path / "spec.yaml"
     said = " ".join(Done("import", path, "--horizon", "10", "-o", out).err.split())
     for part in (
-        "lost: annotations/rewards/cost/choices, valuations/choices",
+        "lost: annotations/rewards/cost/choices, model-data/doi, valuations/choices",
         "lost: actions without an alternative ('wait')",
         "lost: labels (the goal)",
         "lost: 1 states that no episode enters",

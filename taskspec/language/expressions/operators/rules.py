@@ -13,7 +13,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from taskspec.language.expressions.ir import Apply, Const
-from taskspec.language.expressions.types import EVERYTHING, HUGE, INF, Args, Interval, Kind, Range, Type, join
+from taskspec.language.expressions.types import (
+    EVERYTHING,
+    HUGE,
+    INF,
+    Args,
+    Interval,
+    Kind,
+    NoElement,
+    Range,
+    Type,
+    join,
+)
 
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
 """Result type from argument types, or a sentence about what is wrong."""
@@ -76,7 +87,7 @@ def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRul
         if t.is_scalar:
             return f"a vector is needed, not {t.with_article}"
         if not empty and t.size == 0:
-            return "a vector of shape [0] has no smallest and no largest element"
+            raise NoElement("smallest and no largest element")
         result = kind(t.kind)
         if isinstance(result, str):
             return result

@@ -62,7 +62,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     collector = Collector()
     for other in document.others.values():
         collector.extend(check_shape(other))
-    for problem in _problems(document):
+    for problem in _indented(document.data, _problems(document)):
         add_problem(collector, document, problem)
     return collector.diagnostics
 
@@ -78,6 +78,27 @@ def _problems(document: Document) -> list[Problem]:
         return [Problem("E201", (), message, "start it with `taskspec: 1`")]
     model = Extension if EXTENDS in data else Spec
     return [*_format(data), *_many(data), *_bases(document), *_roles(data), *fitted(data, model)[1]]
+
+
+def _indented(data: Any, found: list[Problem]) -> Iterator[Problem]:
+    """Yield problems; an unknown key below an empty section is one that is not indented, and then the section is not empty."""
+    unknown = {problem.path[0] for problem in found if problem.code == "E202" and len(problem.path) == 1}
+    owners: dict[Any, str] = {}
+    owner = None
+    for key in data if unknown else ():
+        if key not in unknown:
+            owner = key if data[key] is None else None
+        elif owner is not None:
+            owners[key] = owner
+    for problem in found:
+        (first, *rest) = problem.path or ("",)
+        if not rest and problem.code == "E202" and first in owners:
+            message = f"`{first}` is not indented, and no section"
+            yield problem._replace(
+                message=message, hint=f"what is part of `{owners[first]}` stands two spaces to the right"
+            )
+        elif rest or first not in owners.values():
+            yield problem
 
 
 def remainder(document: Document) -> tuple[Document | None, set[str]]:
