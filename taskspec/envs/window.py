@@ -24,8 +24,8 @@ from taskspec.language.task.parts import Component
 from taskspec.language.task.spaces import unpack
 from taskspec.language.task.task import Task
 
-# Figures lie above environments in the layers, so they are resolved by name when needed.
-
+FRAME = "taskspec.show.figures"
+"""The package whose `render_frame` draws frames; it lies above environments, and is imported when a frame is drawn."""
 LETTERS = 42
 LINES = 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
@@ -104,15 +104,14 @@ def frame(
 
     `seen` are the states of the episode by time, the present one included.
     """
-    from taskspec.show.figures import render_frame  # what draws is not imported until something is drawn
-
     title = heading(task, time)
     if note is not None:
         import textwrap
 
         lines = textwrap.wrap(_set(note), LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
-    return render_frame(task, state, title, seen=seen or {time: state})
+    pixels: Frame = importlib.import_module(FRAME).render_frame(task, state, title, seen=seen or {time: state})
+    return pixels
 
 
 def _set(note: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import taskspec
-from taskspec.envs.options import LaneError, NotRunningError
+from taskspec.envs.options import LaneError
 from taskspec.envs.vector import VectorEnvironment
 
 LANES = 3
@@ -80,26 +80,6 @@ def test_results_and_infos_are_those_of_gymnasiums_own(task_id: str, mode: Autor
         if mode is AutoresetMode.DISABLED and over.any():
             same(ours.reset(options={"reset_mask": over})[0], theirs.reset(options={"reset_mask": over})[0])
     assert ends > 0
-
-
-def test_frames_and_attributes_are_those_of_the_scalar_environments() -> None:
-    pytest.importorskip("matplotlib")
-    make = partial(taskspec.make, "RiskyPath", render_mode="rgb_array")
-    ours = VectorEnvironment("RiskyPath", LANES, backend="numpy", render_mode="rgb_array")
-    theirs = SyncVectorEnv([make] * LANES)
-    for each in (ours, theirs):
-        each.reset(seed=2)
-        each.step(np.array([0, 1, 1]))
-    assert all(np.array_equal(a, b) for a, b in zip(ours.render(), theirs.render(), strict=True))
-    for name in ("state", "time", "task", "render_mode", "observation_space", "action_space"):
-        assert ours.get_attr(name) == theirs.get_attr(name)
-    assert ours.call("get_keys_to_action") == theirs.call("get_keys_to_action")
-    texts = VectorEnvironment("RiskyPath", 2, backend="numpy", render_mode="ansi")
-    with pytest.raises(NotRunningError, match="E707"):
-        texts.render()
-    texts.reset(seed=0)
-    assert all("s = start" in text for text in texts.render())
-    assert VectorEnvironment("RiskyPath", 2, backend="numpy").render() is None
 
 
 def test_lanes_have_no_attributes_of_their_own() -> None:

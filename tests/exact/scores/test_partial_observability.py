@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import json
 import random
-import subprocess
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -260,22 +256,3 @@ def test_what_is_seen_at_random_has_finitely_many_values() -> None:
     told = pomdp_bounds(Results(noisy(["place + Normal()"], stored=False)))
     assert told is not None and told.remembering is None
     assert told.why_not == "the observation 'o0' is random and may have infinitely many values"
-
-
-def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
-    def run(*arguments: str) -> str:
-        command = [sys.executable, "-m", "taskspec", *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-
-    path = str(spec_file("memory_len"))
-    text = run("solve", path)
-    assert [line.split()[:3] for line in text.splitlines()[1:4]] == [
-        ["optimal", "1", "exact"], ["remembering", "1", "exact"], ["memoryless", "0", "exact"],
-    ]  # fmt: skip
-    assert "knowing the state" in text
-    told = json.loads(run("solve", path, "--json"))["yardsticks"]
-    assert told == {"remembering": [1.0, 1.0], "memoryless": [0.0, 0.0], "why_not": None}
-    assert json.loads(run("solve", "derail/RiskyPath", "--json"))["yardsticks"] is None
-    run("docs", path, "--format", "markdown", "-o", "pages")
-    page = "".join(p.read_text() for p in (tmp_path / "pages").rglob("*.md"))
-    assert "optimal return, knowing the state" in page and "best return without memory" in page

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -204,17 +201,3 @@ def test_editors_take_what_the_compiler_takes() -> None:
     ):
         assert not validator.is_valid(good | bad)
     assert not validator.is_valid({key: value for key, value in good.items() if key != "extends"})
-
-
-def test_the_command_line_checks_lists_and_prints_them(run: Path) -> None:
-    for command in (["check", "--strict", "--json"], ["list"], ["show"], ["docs", "-o", "pages"]):
-        done = subprocess.run(
-            [sys.executable, "-m", "taskspec", *command, run], cwd=run.parent, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        if "--json" in command:
-            assert [t["id"] for t in json.loads(done.stdout)["tasks"]] == [
-                "runs/Run-v0",
-                "runs/RunShort-v0",
-                "runs/RunLate-v0",
-            ]

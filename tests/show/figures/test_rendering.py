@@ -19,6 +19,7 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs import Environment, NotRunningError
 from taskspec.envs.window import Window
+from taskspec.show.figures import render_frame
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids
 
@@ -197,3 +198,13 @@ def test_a_missing_package_is_missed_at_once(mode: str, monkeypatch: pytest.Monk
 def test_an_unknown_mode_is_refused() -> None:
     with pytest.raises(ValueError, match="render_mode"):
         taskspec.make("RiskyPath", render_mode="hologram")
+
+
+def test_pixels_are_those_of_the_frame() -> None:
+    env = taskspec.make("RiskyPath", render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    env.step(0)
+    title = "RiskyPath, step 1 of 5"
+    assert np.array_equal(env.render(), render_frame(env.task, env.state, title))
+    assert not np.array_equal(env.render(), first)
