@@ -103,11 +103,11 @@ def _of_p(source: ForeignFile, P: Any, other: dict[str, Any]) -> FrozenTask:
     if seen is not None:
         seen = tuple(tuple(map(float, row)) for row in seen)
     other.pop("name", None)
-    return assembled(source, Contents(
-        start={s: float(p) for s, p in enumerate(other.pop("initial", None) or [1.0])}, rows=rows,
-        states=other.pop("states", ()), horizon=other.pop("horizon", None), discount=other.pop("discount", 1.0), seen=seen,
-        labels={name: frozenset(map(int, held)) for name, held in other.pop("labels", {}).items()}, lost=tuple(other),
-    ))  # fmt: skip
+    start = {s: float(p) for s, p in enumerate(other.pop("initial", None) or [1.0])}
+    states = other.pop("states", ())
+    horizon = other.pop("horizon", None)
+    discount = other.pop("discount", 1.0)
+    return assembled(source, Contents(start, rows, states, horizon, discount, seen, lost=tuple(other)))
 
 
 def _action(source: ForeignFile, names: list[Any], a: int) -> str:
@@ -165,14 +165,12 @@ def read_npz(source: ForeignFile) -> FrozenTask:
     seen = None
     if "observations" in arrays:
         seen = tuple(map(tuple, arrays.pop("observations").astype(np.float64, casting="same_kind").tolist()))
-    labels = {}
-    for name in [name for name in arrays if name.startswith("label_")]:
-        labels[name.removeprefix("label_")] = frozenset(np.flatnonzero(arrays.pop(name)).tolist())
-    return assembled(source, Contents(
-        start=dict(enumerate(start)), rows=rows, states=arrays.pop("states").tolist(),
-        horizon=int(arrays.pop("horizon")) or None, discount=float(arrays.pop("discount")), seen=seen, labels=labels,
-        lost=tuple(arrays),
-    ))  # fmt: skip
+    states = arrays.pop("states").tolist()
+    horizon = int(arrays.pop("horizon")) or None
+    discount = float(arrays.pop("discount"))
+    return assembled(
+        source, Contents(dict(enumerate(start)), rows, states, horizon, discount, seen, lost=tuple(arrays))
+    )
 
 
 def _loaded(source: ForeignFile) -> dict[str, Any]:

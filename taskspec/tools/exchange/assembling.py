@@ -33,7 +33,7 @@ class Contents:
         rows: the outcomes in each state.
         states: their names, if the file has some.
         seen: the numbers that are observed in each state; None where the state itself is observed.
-        labels: sets of states, by name.
+        labels: sets of states that mean something to readers, by name.
         values: the values of components in each state, by name.
         lost: the parts of the file that are not in the other attributes.
     """

@@ -58,7 +58,9 @@ def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, F
         SpecError: E712 for a task that has no exact model, or is too large.
     """
     finite = _finite(task)
-    model = extract(finite if format.is_settled else with_all_actions(finite), reachable=True)
+    if not format.is_settled:
+        finite = with_all_actions(finite)
+    model = extract(finite, reachable=True)
     return model, replace(tables(model, LARGEST_TABLE), name=task.instance_id)
 
 
@@ -72,7 +74,9 @@ def _finite(task: Task) -> Task:
 
 def written(frozen: FrozenTask, format: ModelFormat) -> bytes:
     """Return the content of a file."""
-    return format.write(settled(frozen) if format.is_settled else frozen)
+    if format.is_settled:
+        frozen = settled(frozen)
+    return format.write(frozen)
 
 
 def notes(task: Task, frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
@@ -143,7 +147,10 @@ def _format_of(path: Path, name: str | None) -> ModelFormat:
         if name == known.name or (name is None and known.suffix == path.suffix):
             return known
     hint = "formats that are: " + ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values())
-    option = STORM_READS.get(f".{name}" if name else path.suffix)
+    suffix = path.suffix
+    if name is not None:
+        suffix = f".{name}"
+    option = STORM_READS.get(suffix)
     if option is not None:
         hint = f"Storm converts it: storm {option} {path} --buildfull --buildchoicelab --exportbuild {path.stem}.umb"
     raise spec_error("E726", f"'{name or path.suffix}' is not read", hint)

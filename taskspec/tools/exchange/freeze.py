@@ -94,7 +94,9 @@ def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[d
             columns["_".join([name, *map(str, at)])] = flat[at]
     for t, s in places:
         row = {name: int(column[s]) for name, column in columns.items()}
-        yield row | {TIME: t} if is_timed else row
+        if is_timed:
+            row[TIME] = t
+        yield row
 
 
 def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]], letter: str) -> tuple[str, ...]:
@@ -103,7 +105,7 @@ def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]],
     for i, each in enumerate(parts):
         words = [str(value) for value in each.values()]
         if len(words) == 1 and not (values and TIME in values[i]):
-            names.append(f"{letter}{words[0]}" if words[0].isdigit() else words[0])
+            names.append(words[0])
         elif values:
             names.append("_".join(f"{name}{value}" for name, value in values[i].items()))
         else:
@@ -141,4 +143,6 @@ def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tupl
         flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
         return [tuple(row) for row in flat.tolist()]
 
-    return tuple(seen_at(t if reader.sees_time else 0)[s] for t, s in places)
+    if not reader.sees_time:
+        return tuple(seen_at(0)[s] for _, s in places)
+    return tuple(seen_at(t)[s] for t, s in places)

@@ -18,7 +18,7 @@ from taskspec.exact.solve.outcomes import Number
 from taskspec.exact.solve.solve import Solvers
 from taskspec.tools.exchange.formats import read
 from taskspec.tools.exchange.reading import listed
-from taskspec.tools.exchange.settled import PHASE
+from taskspec.tools.exchange.settled import ENDED, PHASE
 from taskspec.tools.exchange.spec_text import has_mean_rewards
 from taskspec.tools.exchange.tables import FrozenTask, cleared, plain_names, separated
 
@@ -66,7 +66,9 @@ def _name(place: str) -> str:
     """Return a name for the task of a file or environment: `FrozenLake` for `FrozenLake-v1`."""
     words = re.findall(r"[A-Za-z0-9]+", re.sub(r"-v\d+$", "", Path(place).stem))
     joined = "".join(word[0].upper() + word[1:] for word in words)
-    return joined if NAME.fullmatch(joined) else "Imported"
+    if NAME.fullmatch(joined):
+        return joined
+    return "Imported"
 
 
 def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
@@ -78,9 +80,10 @@ def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
         return task.states
     names = []
     for row in task.values:
-        parts = {name: value for name, value in row.items() if name != PHASE}
-        end = "_end" if row.get(PHASE) == 2 else ""
-        names.append("_".join(f"{name}{value}" for name, value in parts.items()) + end)
+        parts = [f"{name}{value}" for name, value in row.items() if name != PHASE]
+        if row.get(PHASE) == ENDED:
+            parts.append("end")
+        names.append("_".join(parts))
     return plain_names(names, "s")
 
 

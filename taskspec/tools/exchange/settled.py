@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
 from taskspec.tools.exchange.tables import FrozenTask, cleared
@@ -14,8 +15,15 @@ FIRST = "draw"
 END = "end"
 """The label of states in which an episode has ended."""
 PHASE = "phase"
-"""The variable of states: 0 before the first state is drawn, 1 in an episode, 2 after its end."""
-_SUFFIX = {0: "_draw", 1: "", 2: "_end"}
+"""The variable of states that has one of these values."""
+DRAWING = 0
+ACTING = 1
+ENDED = 2
+_SUFFIX = {DRAWING: "_draw", ACTING: "", ENDED: "_end"}
+UNSEEN = ()
+"""Observed before the first state is drawn."""
+Place = tuple[int, int]
+"""A state, and its phase."""
 
 
 def settled(task: FrozenTask) -> FrozenTask:
@@ -25,58 +33,92 @@ def settled(task: FrozenTask) -> FrozenTask:
     probability of 1 - gamma to end after a step. A start distribution becomes the first step, from a state labelled `draw`,
     which counts in the horizon. Expected returns are the same. States with one choice alone have one row.
     """
-    gamma = Fraction(task.discount)
     starts = [s for s, probability in enumerate(task.start) if probability > 0]
-    taken = [outcome for s, _, outcome in task.steps() if s in task.acting]
-    places = [(starts[0], 0)] if len(starts) > 1 else []
-    places += [(s, 1) for s in sorted(task.acting)]
-    places += [(s, 2) for s in sorted({outcome.state for outcome in taken if outcome.ends or gamma < 1})]
+    places = _places(task, starts)
     index = {place: i for i, place in enumerate(places)}
     rows: list[tuple[Outcomes, ...]] = []
-    for s, phase in places:
-        if phase == 0:
-            drawn = zip(starts, _shares([task.start[first] for first in starts]), strict=True)
-            rows.append((tuple(_free(p, index[first, 1]) for first, p in drawn),))
-        elif phase == 1:
-            rows.append(tuple(tuple(_outcomes(outcomes, gamma, index)) for outcomes in task.outcomes[s]))
+    values = []
+    seen: list[tuple[float, ...]] = []
+    labels: dict[str, set[int]] = {name: set() for name in task.labels}
+    labels[END] = set()
+    for i, (s, phase) in enumerate(places):
+        own: Mapping[str, int] = {"s": s}
+        if task.values:
+            own = task.values[s]
+        values.append({**own, PHASE: phase})
+        if phase == DRAWING:
+            rows.append((_drawn(task, starts, index),))
+            seen.append(UNSEEN)
+            labels[FIRST] = {i}
+            continue
+        if phase == ACTING:
+            rows.append(tuple(_moved(task, outcomes, index) for outcomes in task.outcomes[s]))
         else:
-            rows.append(((_free(Fraction(1), index[s, 2]),),))
-    values = task.values or [{"s": s} for s in range(len(task.states))]
-    seen = task.seen
-    if seen is not None:  # nothing is observed before the first state
-        seen = tuple(seen[s] if phase else () for s, phase in places)
-    labels = {}
-    for name, held in task.labels.items():
-        labels[name] = frozenset(i for (s, phase), i in index.items() if s in held and phase > 0)
-    labels[END] = frozenset(i for (_, phase), i in index.items() if phase == 2)
+            rows.append(((_free(Fraction(1), i),),))
+            labels[END].add(i)
+        if task.seen is not None:
+            seen.append(task.seen[s])
+        for name, held in task.labels.items():
+            if s in held:
+                labels[name].add(i)
+    start = [Fraction(0)] * len(places)
+    start[index.get((starts[0], DRAWING), index[starts[0], ACTING])] = Fraction(1)
+    return replace(
+        task, states=tuple(f"{task.states[s]}{_SUFFIX[phase]}" for s, phase in places), outcomes=tuple(rows),
+        values=tuple(values), labels={name: frozenset(held) for name, held in labels.items()}, last=None,
+        seen=None if task.seen is None else tuple(seen), start=tuple(start), horizon=_steps(task, len(starts) > 1),
+        discount=Fraction(1),
+    )  # fmt: skip
+
+
+def _places(task: FrozenTask, starts: Sequence[int]) -> list[Place]:
+    """Return the states of the settled task: the one that draws, those in which episodes act, and those in which they end."""
+    acting = sorted(task.acting)
+    ended = set()
+    for s in acting:
+        for outcome in chain(*task.outcomes[s]):
+            if outcome.ends or task.discount < 1:
+                ended.add(outcome.state)
+    places = [(s, ACTING) for s in acting] + [(s, ENDED) for s in sorted(ended)]
     if len(starts) > 1:
-        labels[FIRST] = frozenset({0})
+        places.insert(0, (starts[0], DRAWING))
+    return places
+
+
+def _steps(task: FrozenTask, is_drawn: bool) -> int | None:
+    """Return the steps of an episode, the one that draws the first state included."""
     horizon = task.horizon
     if task.last is not None:
         horizon = task.last + 1
-    if horizon is not None and len(starts) > 1:
-        horizon += 1
-    first = index.get((starts[0], 0), index[starts[0], 1])
-    return replace(
-        task, states=tuple(f"{task.states[s]}{_SUFFIX[phase]}" for s, phase in places), outcomes=tuple(rows),
-        values=tuple({**values[s], PHASE: phase} for s, phase in places), labels=labels, last=None, seen=seen,
-        start=tuple(Fraction(i == first) for i in range(len(places))), horizon=horizon, discount=Fraction(1),
-    )  # fmt: skip
+    if horizon is None:
+        return None
+    return horizon + is_drawn
 
 
 def _free(probability: Fraction, place: int) -> Outcome:
     return Outcome(probability, place, Fraction(0), False)
 
 
-def _outcomes(outcomes: Outcomes, gamma: Fraction, index: dict[tuple[int, int], int]) -> Iterator[Outcome]:
-    """Yield what follows a step: the episode goes on with probability gamma, unless it ends."""
-    shares = _shares([outcome.probability for outcome in outcomes]) if outcomes else []
+def _drawn(task: FrozenTask, starts: Sequence[int], index: Mapping[Place, int]) -> Outcomes:
+    """Return the outcomes of the step that draws the first state."""
+    shares = _shares([task.start[s] for s in starts])
+    return tuple(_free(share, index[s, ACTING]) for s, share in zip(starts, shares, strict=True))
+
+
+def _moved(task: FrozenTask, outcomes: Outcomes, index: Mapping[Place, int]) -> Outcomes:
+    """Return the outcomes of a step: unless it ends, the episode goes on with the discount as probability."""
+    if not outcomes:
+        return ()
+    moved = []
+    shares = _shares([outcome.probability for outcome in outcomes])
     for outcome, share in zip(outcomes, shares, strict=True):
-        going = Fraction(0) if outcome.ends else gamma
-        for phase, part in ((1, going), (2, 1 - going)):
+        going = Fraction(0)
+        if not outcome.ends:
+            going = Fraction(task.discount)
+        for phase, part in ((ACTING, going), (ENDED, 1 - going)):
             if part:
-                place = index[outcome.state, phase]
-                yield Outcome(share * part, place, Fraction(outcome.reward), False)
+                moved.append(Outcome(share * part, index[outcome.state, phase], Fraction(outcome.reward), False))
+    return tuple(moved)
 
 
 def _shares(probabilities: Sequence[Number]) -> list[Fraction]:
@@ -90,20 +132,17 @@ def at_random(task: FrozenTask) -> FrozenTask:
     """Return a task whose only action chooses uniformly among the actions of another one."""
     rows = []
     for by_action in task.outcomes:
-        share = Fraction(1, len(list(filter(None, by_action))))
-        shared = [replace(o, probability=o.probability * share) for outcomes in by_action for o in outcomes]
-        rows.append((merged(shared),))
+        legal = [outcomes for outcomes in by_action if outcomes]
+        share = Fraction(1, len(legal))
+        rows.append((merged(replace(o, probability=o.probability * share) for o in chain(*legal)),))
     return replace(task, actions=("random",), outcomes=tuple(rows))
-
-
-def legal_choices(by_action: Sequence[Outcomes]) -> Iterator[tuple[int, Outcomes]]:
-    """Yield the outcomes of each action that is legal in a state, with the number of the action."""
-    return ((a, outcomes) for a, outcomes in enumerate(by_action) if outcomes)
 
 
 def property_of(task: FrozenTask, extreme: str) -> str:
     """Return the property whose value is the largest (`max`) or smallest (`min`) expected return of a settled task."""
-    until = f"C<={task.horizon}" if task.horizon is not None else f'F "{END}"'
+    until = f'F "{END}"'
+    if task.horizon is not None:
+        until = f"C<={task.horizon}"
     return f'R{{"reward"}}{extreme}=? [{until}]'
 
 
@@ -112,10 +151,7 @@ def unsettled(task: FrozenTask) -> FrozenTask:
 
     The state labelled `draw` is replaced by a start distribution.
     """
-    ends = set()
-    for s, by_action in enumerate(task.outcomes):
-        if all(outcome.state == s and not outcome.reward for outcomes in by_action for outcome in outcomes):
-            ends.add(s)
+    ends = {s for s, by_action in enumerate(task.outcomes) if _is_over(s, by_action)}
     rows = []
     for by_action in task.outcomes:
         rows.append(tuple(tuple(replace(o, ends=o.state in ends) for o in outcomes) for outcomes in by_action))
@@ -133,6 +169,11 @@ def unsettled(task: FrozenTask) -> FrozenTask:
     if horizon is not None:
         horizon -= 1
     return cleared(replace(plain, start=start, horizon=horizon, labels=labels), known=1)
+
+
+def _is_over(s: int, by_action: Sequence[Outcomes]) -> bool:
+    """Return whether nothing leaves a state, or pays in it."""
+    return all(outcome.state == s and not outcome.reward for outcome in chain(*by_action))
 
 
 def _drawing(task: FrozenTask) -> int | None:

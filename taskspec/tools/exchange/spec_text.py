@@ -22,6 +22,7 @@ SIMPLE = 1_000
 LONGEST = 256
 """Bits of the numbers in a fraction that is written in full."""
 EXACT = 1e-12
+MOST_IN_GRAPH = 12
 MOST_DRAWN = 300
 """States of a matrix that is drawn."""
 MOST_ENDS = 12
@@ -49,8 +50,15 @@ def written(value: Number) -> str:
         if max(value.numerator.bit_length(), value.denominator.bit_length()) <= LONGEST:
             return str(value)
         value = float(value)
-    near = small_fraction(value, PLAIN, EXACT * abs(value))
-    return repr(value) if near is None else str(near)
+    return _near(value, PLAIN)
+
+
+def _near(value: Number, largest: int) -> str:
+    """Return a float as a fraction, if it is very near one with a small denominator; else with all its decimals."""
+    fraction = small_fraction(value, largest, EXACT * abs(float(value)))
+    if fraction is None:
+        return repr(value)
+    return str(fraction)
 
 
 def _lines(task: FrozenTask) -> Iterator[str]:
@@ -69,7 +77,7 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     if task.seen is not None:
         yield from _observation(task.states, task.seen)
     yield from _legal(task)
-    yield f"horizon: {'none' if task.horizon is None else task.horizon}"
+    yield f"horizon: {task.horizon or 'none'}"
     if task.discount != 1:
         yield f"discount: {written(task.discount)}"
     yield from ("initial:", f"  s: {_distribution(zip(task.states, task.start, strict=True))}", "dynamics:")
@@ -80,8 +88,7 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     if task.claims:
         yield "claims:"
         for name, value in task.claims.items():
-            near = small_fraction(value, SIMPLE, EXACT * abs(float(value)))
-            yield f"  - {name} == {repr(value) if near is None else near}"
+            yield f"  - {name} == {_near(value, SIMPLE)}"
     yield from _figure(task)
 
 
@@ -90,7 +97,9 @@ def _observation(states: Sequence[str], seen: Sequence[tuple[float, ...]]) -> It
     yield from ("observation:", "  seen:", "    value:", "      by: [s]", "      rows:")
     for name, row in zip(states, seen, strict=True):
         values = ", ".join(map(written, row))
-        yield f"        {name}: {values if len(row) == 1 else f'[{values}]'}"
+        if len(row) > 1:
+            values = f"[{values}]"
+        yield f"        {name}: {values}"
     yield from (f"    low: {written(min(numbers))}", f"    high: {written(max(numbers))}")
 
 
@@ -109,8 +118,10 @@ def _figure(task: FrozenTask) -> Iterator[str]:
             yield 'accept: {W501: "cells of the grid that no episode enters"}'
         yield f"figure: {{kind: grid, at: [s % {task.width}, s // {task.width}]}}"
         return
-    if len(task.states) <= MOST_DRAWN:
-        yield from ("figure:", "  kind: graph" if len(task.states) <= 12 else "  kind: matrix")
+    if len(task.states) <= MOST_IN_GRAPH:
+        yield from ("figure:", "  kind: graph")
+    elif len(task.states) <= MOST_DRAWN:
+        yield from ("figure:", "  kind: matrix")
 
 
 def _next_states(task: FrozenTask) -> Entries:
@@ -165,7 +176,10 @@ def _ends(task: FrozenTask) -> Iterator[str]:
     table = _TableText("terminal", task, entries)
     ends = [name for name in task.states if table.rows.get((name,)) == "true"]
     if table.keys == ("s'",) and len(ends) <= MOST_ENDS:
-        yield f"terminal: s' == {ends[0]}" if len(ends) == 1 else f"terminal: s' in {{{', '.join(ends)}}}"
+        condition = f"in {{{', '.join(ends)}}}"
+        if len(ends) == 1:
+            condition = f"== {ends[0]}"
+        yield f"terminal: s' {condition}"
         return
     yield from table.lines()
 
@@ -231,7 +245,9 @@ class _TableText:
         """
         first = next(iter(rows.values()))
         if len(set(rows.values())) == 1:
-            return f"{{else: {first}}}" if keys and first.startswith("{") else first
+            if keys and first.startswith("{"):
+                return f"{{else: {first}}}"
+            return first
         texts = self._texts(rows, keys)
         common = _common(texts.values())
         is_whole = len(texts) == self.counts[keys[0]]

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from taskspec.base.display import plural
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
 
 LONGEST_NAME = 40
@@ -175,22 +176,22 @@ def cleared(task: FrozenTask, known: int = 0) -> FrozenTask:
     kept = visited(task)
     left_out = len(task.states) - len(kept.states) - known
     if left_out > 0:
-        kept = kept.remarked(f"lost: {left_out:,} states that no episode enters")
+        kept = kept.remarked(f"lost: {plural(left_out, 'state')} that no episode enters")
     return kept
 
 
 def plain_names(names: Sequence[str], letter: str) -> tuple[str, ...]:
     """Return names that can be labels in a spec and differ from each other.
 
-    Other letters become `_`, a name that means something else gets a `_`, and one that occurs before its number. A name that
-    has no letters at its beginning becomes the given letter and its number.
+    Signs become `_`, a name that does not begin with a letter gets the given one, a name that means something else a `_`, and
+    one that occurs before its number.
     """
     known: set[str] = set()
     plain = []
     for i, given in enumerate(names):
         name = re.sub(r"\W", "_", given, flags=re.ASCII)[:LONGEST_NAME]
         if not _NAME.fullmatch(name):
-            name = f"{letter}{i}"
+            name = f"{letter}{name or i}"
         if name in _TAKEN:
             name = f"{name}_"
         if name in known:

@@ -11,19 +11,19 @@ import io
 import json
 import re
 import tarfile
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
+from itertools import accumulate, chain, pairwise
 from typing import Any
 
 import numpy as np
 
 from taskspec.base import __version__
-from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
 from taskspec.tools.exchange.assembling import MOST_OUTCOMES, Contents, assembled
 from taskspec.tools.exchange.reading import ForeignFile, listed
-from taskspec.tools.exchange.settled import legal_choices
+from taskspec.tools.exchange.settled import END, FIRST
 from taskspec.tools.exchange.tables import FrozenTask
 
 INDEX = "index.json"
@@ -37,28 +37,39 @@ OBSERVATIONS = "observations/states/values.bin"
 VALUATIONS = "valuations/states/valuations.bin"
 BITS = 32
 """Of the value of a component."""
+MOST_VARIABLES = 1_000
+MOST_VALUES = 5_000_000
+"""Values of all variables of states, at most."""
 _IDENTIFIER = re.compile(r"[0-9a-z_-]+")
 _RATIONAL = 128
 """The least number of bits of a rational; longer ones have a multiple of it."""
 _MOST_RATIONAL = 16_384
 """Bits of a rational that is read."""
+_GROUPS = {"aps": "label", "rewards": "reward"}
+"""Groups of annotations."""
 
 
 def write(task: FrozenTask) -> bytes:
     """Return the file of a settled task."""
-    legal = [list(legal_choices(by_action)) for by_action in task.outcomes]
-    choices = [outcomes for row in legal for _, outcomes in row]
-    branches = [outcome for outcomes in choices for outcome in outcomes]
+    taken: list[int] = []
+    choices: list[Outcomes] = []
+    counts = []
+    for by_action in task.outcomes:
+        legal = [a for a, outcomes in enumerate(by_action) if outcomes]
+        taken += legal
+        choices += [by_action[a] for a in legal]
+        counts.append(len(legal))
+    branches = list(chain(*choices))
     shares, share_type = _rationals([outcome.probability for outcome in branches])
     rewards, reward_type = _rationals([outcome.reward for outcome in branches])
     names = [name.encode() for name in task.actions]
     files = {
-        STATES: _ranges(map(len, legal)),
+        STATES: _ranges(counts),
         BRANCHES: _ranges(map(len, choices)),
         TARGETS: np.array([outcome.state for outcome in branches], "<u8").tobytes(),
         PROBABILITIES: shares,
         INITIAL: _bits([probability > 0 for probability in task.start]),
-        f"{ACTIONS}values.bin": np.array([a for row in legal for a, _ in row], "<u4").tobytes(),
+        f"{ACTIONS}values.bin": np.array(taken, "<u4").tobytes(),
         f"{ACTIONS}string-mapping.bin": _ranges(map(len, names)),
         f"{ACTIONS}strings.bin": b"".join(names),
         "annotations/rewards/reward/branches/values.bin": rewards,
@@ -71,7 +82,9 @@ def write(task: FrozenTask) -> bytes:
         observed = {"#observations": len(classes), "observations-apply-to": "states"}
     propositions = {}
     for i, (name, held) in enumerate(task.labels.items()):
-        identifier = name if _IDENTIFIER.fullmatch(name) else f"label-{i}"
+        identifier = f"label-{i}"
+        if _IDENTIFIER.fullmatch(name):
+            identifier = name
         propositions[identifier] = {"alias": name, "applies-to": ["states"], "type": {"type": "bool", "size": 1}}
         files[f"annotations/aps/{identifier}/states/values.bin"] = _bits([s in held for s in range(len(task.states))])
     variables = [{"name": name, "type": {"type": "int", "size": BITS}} for name in task.values[0]]
@@ -104,8 +117,9 @@ def _packed(files: Mapping[str, bytes]) -> bytes:
     return result.getvalue()
 
 
-def _ranges(counts: Iterator[int]) -> bytes:
-    return np.concatenate([[0], np.cumsum(list(counts))]).astype("<u8").tobytes()
+def _ranges(counts: Iterable[int]) -> bytes:
+    """Return where ranges of some lengths begin, and where the last one ends."""
+    return np.array([0, *accumulate(counts)], "<u8").tobytes()
 
 
 def _bits(values: Sequence[bool]) -> bytes:
@@ -149,8 +163,7 @@ class _Archive:
 
     def task(self) -> FrozenTask:
         """Return the settled task; files that nothing reads are lost."""
-        labels = self._labels()
-        paid = self._rewards(labels)
+        paid = self._rewards()
         targets = self._array(TARGETS, "<u8", self.sizes["branches"])
         share_type = self.system.get("branch-probability-type", {})
         shares = self._numbers(PROBABILITIES, share_type, "branches", 1)
@@ -169,13 +182,15 @@ class _Archive:
         horizon = None
         if self.index.get("file-data", {}).get("tool") == "taskspec":
             horizon = self.index["file-data"]["parameters"]["horizon"]
-        contents = Contents(
-            start=self._start(), rows=rows, horizon=horizon, seen=self._observations(), labels=labels, values=self._values(),
-            remarks=self.remarks,
-        )  # fmt: skip
-        lost = {name.rpartition("/")[0] or name for name in self.files}
-        lost |= {f"model-data/{key}" for key in self.index.get("model-data", {}) if key != "name"}
-        return assembled(self.source, replace(contents, lost=tuple(lost)))
+        start = self._start()
+        seen = self._observations()
+        labels = self._labels()
+        values = self._values()
+        lost = {_part(name) for name in self.files}
+        lost |= {f"model-data {key}" for key in self.index.get("model-data", {}) if key != "name"}
+        return assembled(self.source, Contents(
+            start, rows, horizon=horizon, seen=seen, labels=labels, values=values, lost=tuple(lost), remarks=self.remarks,
+        ))  # fmt: skip
 
     def _fresh(self, name: str, row: Mapping[str, Any]) -> str:
         """Return the name of an action, with a number if the state has such an action."""
@@ -248,16 +263,20 @@ class _Archive:
         return {s: Fraction(1, len(first)) for s in first}
 
     def _labels(self) -> dict[str, frozenset[int]]:
+        """Return the labels that mean something in a settled task."""
         labels = {}
         for identifier, entry in self.annotations.get("aps", {}).items():
-            labels[str(entry.get("alias", identifier))] = self._flags(f"annotations/aps/{identifier}/states/values.bin")
+            name = entry.get("alias", identifier)
+            if name in (FIRST, END):
+                labels[name] = self._flags(f"annotations/aps/{identifier}/states/values.bin")
         return labels
 
-    def _rewards(self, labels: Mapping[str, Any]) -> dict[str, list[Number]]:
+    def _rewards(self) -> dict[str, list[Number]]:
         """Return the rewards of states, choices and branches, of the first reward."""
         rewards = self.annotations.get("rewards", {})
         if not rewards:
-            hint = f"add a reward where the file is made; its labels: {listed(list(labels)) or 'none'}"
+            labels = listed(list(self.annotations.get("aps", {}))) or "none"
+            hint = f"add a reward where the file is made; its labels: {labels}"
             self.source.wrong("it has no rewards, so that all policies are equally good", hint)
         name, entry = next(iter(rewards.items()))
         folder = f"annotations/rewards/{name}"
@@ -293,27 +312,66 @@ class _Archive:
     def _values(self) -> tuple[dict[str, int], ...]:
         """Return the values of the variables of states, where all of them are ints or truth values in one class."""
         classes = self.index.get("valuations", {}).get("states", {}).get("classes", [])
-        layout = []
-        at = 0
-        for variable in classes[0]["variables"] if len(classes) == 1 else ():
-            kind = variable.get("type", {"type": "padding", "size": variable.get("padding")})
-            if kind["type"] not in ("int", "uint", "bool", "padding") or variable.get("is-optional"):
-                return ()
-            size = int(kind.get("size", 1 if kind["type"] == "bool" else 64))
-            layout.append((variable.get("name"), at, size, kind["type"], variable.get("offset", 0)))
-            at += size
-        if not layout or at % 8 or len(self.files.get(VALUATIONS, b"")) * 8 != at * self.sizes["states"]:
+        if len(classes) != 1:
             return ()
-        content = self.files.pop(VALUATIONS)
+        layout = _layout(classes[0]["variables"])
+        bits = sum(variable.size for variable in layout)
+        content = self.files.get(VALUATIONS, b"")
+        if not 0 < len(layout) <= MOST_VARIABLES or len(layout) * self.sizes["states"] > MOST_VALUES:
+            return ()
+        if bits % 8 or len(content) * 8 != bits * self.sizes["states"]:
+            return ()
+        del self.files[VALUATIONS]
         rows = []
-        for start in range(0, len(content), at // 8):
-            packed = int.from_bytes(content[start : start + at // 8], "little")
+        for start in range(0, len(content), bits // 8):
+            packed = int.from_bytes(content[start : start + bits // 8], "little")
             row = {}
-            for name, low, size, kind, offset in layout:
-                value = (packed >> low) % (1 << size)
-                if kind == "int" and value >> (size - 1):
-                    value -= 1 << size
-                if name is not None:
-                    row[str(name)] = value + offset
+            for variable in layout:
+                if variable.name is not None:
+                    row[variable.name] = variable.value(packed)
+                packed >>= variable.size
             rows.append(row)
         return tuple(rows)
+
+
+def _part(name: str) -> str:
+    """Return the part of the model that a file has, in words."""
+    folders = name.split("/")[:-1]
+    if not folders:
+        return name
+    if folders[0] != "annotations":
+        return "/".join(folders)
+    return f"{_GROUPS.get(folders[1], folders[1])} {'/'.join(folders[2:3])}"
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable of a valuation; padding has no name."""
+
+    name: str | None
+    size: int
+    is_signed: bool = False
+    offset: int = 0
+
+    def value(self, packed: int) -> int:
+        """Return the value in the lowest bits of a number."""
+        value = packed % (1 << self.size)
+        if self.is_signed and value >> (self.size - 1):
+            value -= 1 << self.size
+        return value + self.offset
+
+
+def _layout(variables: Sequence[Mapping[str, Any]]) -> list[_Variable]:
+    """Return the variables of a valuation; none where one of them is neither an int nor a truth value."""
+    layout = []
+    for variable in variables:
+        if "padding" in variable:
+            layout.append(_Variable(None, int(variable["padding"])))
+            continue
+        kind = variable["type"]
+        usual = {"int": 64, "uint": 64, "bool": 1}.get(kind["type"])
+        if usual is None or variable.get("is-optional"):
+            return []
+        size = int(kind.get("size", usual))
+        layout.append(_Variable(str(variable["name"]), size, kind["type"] == "int", variable.get("offset", 0)))
+    return layout

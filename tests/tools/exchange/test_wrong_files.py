@@ -182,7 +182,6 @@ def test_wrong_arrays_and_tables_are_refused(tmp_path: Path, monkeypatch: pytest
         "starts": f'{{"initial": [0.5, 0.5], "P": {stays}}}',
         "seen": f'{{"observations": [[1], [2]], "P": {stays}}}',
         "ragged": '{"observations": [[1], [2, 3]], "P": {"0": {"0": [[1, 1, 0, false]]}, "1": {"0": [[1, 1, 0, false]]}}}',
-        "labelled": f'{{"labels": {{"x": [7]}}, "P": {stays}}}',
         "horizon": f'{{"horizon": 2.5, "P": {stays}}}',
     }.items():
         Path(f"{name}.json").write_text(text)
