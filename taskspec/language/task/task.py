@@ -244,7 +244,7 @@ class Task(InNotebooks):
 
     @cached_property
     def spec(self) -> Spec:
-        """The spec, with its variant's changes, as a pydantic model; made on first use, since environments need none."""
+        """The spec, with its variant's changes, as a pydantic model."""
         from taskspec.language.task.schema.check import validated
 
         return validated(self.source.merged)
