@@ -9,7 +9,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.named import all_names
-from taskspec.exact.check.warning_context import SAME, Doubt, LintContext, followed_states
+from taskspec.exact.check.warning_context import SAME, Doubt, LintContext
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
 from taskspec.exact.model.space import plain, words
@@ -18,11 +18,11 @@ from taskspec.exact.rules.claim_verdicts import state_left
 from taskspec.exact.scores.partial_observability import pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.ir import draws, reads
 from taskspec.language.expressions.types import Role
 from taskspec.language.task.build import build
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.parts import Component, Soft, by_name
+from taskspec.language.task.questions import components_followed, components_read, is_random
 from taskspec.language.task.task import Task
 
 LONGER = 1000  # steps beyond the horizon that are searched for other rewards
@@ -83,18 +83,17 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     is_state = task.observation.is_state
     nexts = by_name(task.state, task.process.next)
-    measures = task.process.measures.values()
-    used = followed_states(nexts, (task.process.reward, task.process.terminal, *measures))
-    used |= followed_states(nexts, task.mask, of_step=False)
+    paid = (task.process.reward, task.process.terminal, *task.process.measures.values())
+    used = components_followed(paid, nexts) | components_followed(task.mask, nexts, of_step=False)
     if not is_state:
-        used |= followed_states(nexts, task.observation.nodes)
+        used |= components_followed(task.observation.nodes, nexts)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
         if c.name in used or c.low == c.high:
             continue
         if not is_state:
             message = f"neither rewards nor ends depend on '{c.name}', and it is not observed"
             yield Doubt(context.key("state", c.name), message)
-        elif draws((first, following)):
+        elif is_random([first, following]):
             message = f"'{c.name}' is drawn, but neither rewards nor endings depend on it"
             yield Doubt(context.key("state", c.name), message)
 
@@ -106,7 +105,7 @@ def forgotten(context: LintContext) -> Iterator[Doubt]:
     if memory is None:
         return
     nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
-    used = followed_states(nexts, task.annotations.expert_nodes, of_step=False)
+    used = components_followed(task.annotations.expert_nodes, nexts, of_step=False)
     for name in all_names(memory.declared):
         if name in nexts and name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
@@ -161,11 +160,11 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
 def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     task = context.task
-    read = reads(task.process.step_roots)
+    read = components_read(task.process.step_roots, Role.ACTION)
     for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
-        if (Role.ACTION, c.name) not in read:
+        if c.name not in read:
             yield Doubt(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
             continue
         model = context.results.known_model

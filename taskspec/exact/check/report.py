@@ -20,6 +20,7 @@ from taskspec.exact.soundness.soundness import Ranges, check_ranges, examine
 from taskspec.language.modifiers import is_as_written
 from taskspec.language.registry import load
 from taskspec.language.task.merge import merge
+from taskspec.language.task.questions import written_in
 from taskspec.language.task.task import Task, TaskLike
 
 KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
@@ -254,7 +255,7 @@ def _warnings(task: Task, results: Results) -> _Sanity:
     diagnostics, untried = _sanity(task, results)
     found = list(diagnostics)
     if verified is not None and verified.problem is not None:
-        expr = next(iter(task.source.surface.sections["abstraction"].values()))
+        expr = next(iter(written_in(task, "abstraction").values()))
         problem = f"the abstraction is not faithful: {verified.problem}"
         found.append(Diagnostic("E604", expr.place.span, problem))
     return _Sanity(tuple(found), untried)

@@ -4,32 +4,27 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
-
-import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic
-from taskspec.exact.check.warning_context import Doubt, LintContext, followed_states
+from taskspec.exact.check.warning_context import Doubt, LintContext
 from taskspec.exact.model.model import Model
-from taskspec.exact.model.points import Samples, columns
-from taskspec.exact.model.space import Reads, plain, words
+from taskspec.exact.model.space import plain, words
 from taskspec.exact.model.transitions import picked
-from taskspec.exact.rollout.rollout import visited
-from taskspec.exact.soundness.phases import Check, CheckPhase, Examination, Violation
+from taskspec.exact.soundness.indices import moved_indices
 from taskspec.exact.soundness.soundness import in_words
 from taskspec.language import printers
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Node, children, draws, reads, walk
-from taskspec.language.expressions.scope import ClampedIndex
 from taskspec.language.expressions.syntax import Name
-from taskspec.language.expressions.types import TIME, Role
+from taskspec.language.expressions.types import TIME, Expression, Role
 from taskspec.language.printers.names import of_task
 from taskspec.language.registry import load
+from taskspec.language.task import questions
 from taskspec.language.task.merge import merge
 from taskspec.language.task.parts import by_name
+from taskspec.language.task.questions import components_followed, is_random, reads_time, written_in
 from taskspec.language.task.task import Task, TaskLike
 
 NAMED = {"parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise"}
@@ -88,87 +83,18 @@ def _words(value: Any) -> Iterator[str]:
             return
 
 
-POINTS = 100_000  # states, actions and times that are evaluated, at most
-
-
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.source.surface.moved}
-    if not left:
-        return
-    expert = task.annotations.expert_nodes
-    step = (*task.process.raw_next, task.process.reward, task.process.terminal, *task.process.measures.values())
-    for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
-        checks = {}
-        for node, guard in _guards(roots, task.new_builder(roots)):
-            if id(node) in left:
-                m = left[id(node)]
-                size = m.index.type.size
-                check = Check(
-                    "W510", m.index, (0,) * size, (m.length - 1,) * size, phase, guards=(guard,), what=str(id(node))
-                )
-                checks[check.what] = check
-        if not checks:
-            continue
-        points = Samples(_acting_points(context, roots), {})
-        for violation in Examination(CheckPhase(task, phase, tuple(checks.values()), points, False)).violations():
-            yield _moved(left.pop(int(violation.check.what)), violation, task)
-
-
-def _acting_points(context: LintContext, roots: Sequence[Node]) -> Reads:
-    """Return the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
-    model = context.model
-    if model is None:
-        return visited(context.task)
-    read = reads(roots)
-    actions = 1
-    if any(role is Role.ACTION for role, _ in read):
-        actions = model.n_actions
-    levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
-    if TIME in read or model.is_timed:
-        levels = model.levels()
-    parts = []
-    left = POINTS
-    for t, level in levels:
-        codes = model.codes[level]
-        every = np.arange(len(codes) * actions)[:left]
-        left -= len(every)
-        point = model.states.decode(codes[every % len(codes)], read) | model.actions.decode(every // len(codes), read)
-        parts.append(point | {TIME: np.full(len(every), t)})
-    return columns(parts)
-
-
-def _moved(m: ClampedIndex, violation: Violation, task: Task) -> Doubt:
-    read = reads([m.index])
-    known = {key: value for key, value in violation.reads.items() if key in read}
-    where = [in_words(task.state, Role.STATE, known), in_words(task.action, Role.ACTION, known)]
-    where += [f"t = {words(int(v[0]))}" for (role, _), v in known.items() if role is Role.TIME]
-    found = ", ".join(filter(None, where))
-    values = violation.value.reshape(-1)
-    index = int(values[(values < 0) | (values >= m.length)][0])
-    end = 0 if index < 0 else m.length - 1
-    place = f"for {found}, " * bool(found)
-    message = f"{place}this index is {index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
-    return Doubt(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
-
-
-def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
-    """Yield every node with the condition under which its value matters: not in a branch that is not taken."""
-    never = b.scalar(False)
-    guards: dict[int, Node] = {id(root): b.scalar(True) for root in roots}
-    for node in reversed(list(walk(roots))):
-        here = guards[id(node)]
-        yield node, here
-        needed = [here] * len(children(node))
-        if isinstance(node, Apply) and node.op in ("where", "and", "or") and node.type.is_scalar:
-            holds = node.args[0]
-            fails = b.apply("not", holds)
-            needed[1] = b.apply("and", here, fails if node.op == "or" else holds)
-            if node.op == "where":
-                needed[2] = b.apply("and", here, fails)
-        for child, guard in zip(children(node), needed, strict=True):
-            guards[id(child)] = b.apply("or", guards.get(id(child), never), guard)
+    for m in moved_indices(task, context.model):
+        where = [in_words(task.state, Role.STATE, m.reads), in_words(task.action, Role.ACTION, m.reads)]
+        if TIME in m.reads:
+            where.append(f"t = {words(int(m.reads[TIME][0]))}")
+        found = ", ".join(filter(None, where))
+        end = 0 if m.index < 0 else m.length - 1
+        place = f"for {found}, " * bool(found)
+        message = f"{place}this index is {m.index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
+        yield Doubt(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
 
 
 def constant(context: LintContext) -> Iterator[Doubt]:
@@ -183,14 +109,11 @@ def constant(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key("observation", c.name), f"'{c.name}' is {value} in every observation")
 
 
-def _values(node: Node, model: Model | None) -> Array | None:
+def _values(node: Expression, model: Model | None) -> Array | None:
     """Return the values (..., N) of a node in all states that episodes enter; None if some are not known."""
-    bare = node
-    while isinstance(bare, Apply) and bare.op in ("to_real", "to_int"):
-        bare = bare.args[0]
-    if isinstance(bare, Const):
+    if questions.constant(node) is not None:
         return evaluate([node], {})[0]
-    if model is None or draws([node]) or TIME in reads([node]):
+    if model is None or is_random([node]) or reads_time([node]):
         return None
     return evaluate([node], picked(model.reads(0), model.entered))[0]
 
@@ -208,7 +131,7 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
     known = {}
     if model is not None and model.acting.any():
         known = model.states.decode(model.codes[model.acting])
-    paid = followed_states(by_name(task.state, task.process.next), (task.process.reward,))
+    paid = components_followed([task.process.reward], by_name(task.state, task.process.next))
     paid -= followed(task, set(_words(task.written.get("observation"))), tuple(NAMED)[1:])
     for c in task.state:
         values = known.get((Role.STATE, c.name))
@@ -268,7 +191,7 @@ def _same_symbols(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
     """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(task)
     names = [(path, name, f"the {_SECTIONS[path[0]]} '{name}'") for path, name in _names(task)]
-    observed = task.source.surface.sections.get("observation")
+    observed = written_in(task, "observation")
     for name, expr in observed.items() if isinstance(observed, dict) else ():
         if name not in task.spec.state and not (
             isinstance(expr, Name) and expr.written == name

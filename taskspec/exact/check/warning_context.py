@@ -12,8 +12,6 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Placed, Span
 from taskspec.exact.model.model import Model
 from taskspec.exact.scores.returns import Results
-from taskspec.language.expressions.ir import Node, reads, walk
-from taskspec.language.expressions.types import Role
 from taskspec.language.task.merge import Merged, merge
 from taskspec.language.task.task import Task
 
@@ -78,17 +76,3 @@ class LintContext:
         if paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
         return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME
-
-
-def followed_states(nexts: dict[str, Node], roots: tuple[Node, ...], of_step: bool = True) -> set[str]:
-    """Return components that some nodes depend on, at this step or later; nodes `of_step` may have next values in them."""
-    found: set[str] = set()
-    fresh = {name for role, name in reads(roots) if role is Role.STATE}
-    if of_step:
-        inside = set(map(id, walk(roots)))
-        fresh |= {name for name, node in nexts.items() if id(node) in inside}
-    while fresh:
-        found |= fresh
-        following = [nexts[name] for name in fresh if name in nexts]
-        fresh = {name for role, name in reads(following) if role is Role.STATE} - found
-    return found

@@ -92,7 +92,7 @@ def _where(violation: Violation, task: Task) -> str:
         if values:
             found.append(f"{word} {values}")
     if TIME in needed & violation.reads.keys():
-        found.append(f"at t = {int(violation.reads[Role.TIME, 't'].reshape(-1)[0])}")
+        found.append(f"at t = {int(violation.reads[TIME].reshape(-1)[0])}")
     return " ".join(found) + ", " * bool(found)
 
 
