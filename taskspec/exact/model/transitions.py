@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -23,7 +23,7 @@ from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.ir import Apply, Const, Draw, Node, children, draws, reads, rewrite, walk
 from taskspec.language.expressions.operators import entry_of
-from taskspec.language.expressions.types import TIME, Range, Role
+from taskspec.language.expressions.types import TIME, Expression, Range, Role
 from taskspec.language.expressions.variates import VARIATES
 from taskspec.language.expressions.variates.entry import ProbabilityArithmetic, both, once
 from taskspec.language.task.task import Task
@@ -126,6 +126,11 @@ def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
     return total
 
 
+def outcome_count(expressions: Iterable[Expression]) -> float:
+    """Return an upper bound on the outcomes of all draws in some expressions at one point; infinite where one is not finite."""
+    return count(draws(expressions), {})
+
+
 def is_finite(draw: Draw) -> bool:
     """Return whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-20 is left."""
     return VARIATES[draw.base].outcomes is not None
@@ -183,7 +188,7 @@ def _at(values: Array, point: Array) -> Array:
 
 
 def joint_outcomes(
-    nodes: Sequence[Node], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
+    nodes: Sequence[Expression], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
 ) -> Iterator[tuple[list[Array], Array, Array]]:
     """Yield the values of some nodes together, for every outcome of their finite draws at `lanes` points.
 
@@ -356,7 +361,7 @@ class Steps:
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""
-        found = count(draws(self.first), {})
+        found = outcome_count(self.first)
         most = limits().outcomes
         if found == math.inf:
             refuse("the start is drawn from a distribution that has infinitely many outcomes")

@@ -36,11 +36,11 @@ from taskspec.exact.policies.policy import (
 from taskspec.exact.rollout.rollout import State, reads_of
 from taskspec.exact.solve.plans import timed
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import draws, reads
-from taskspec.language.expressions.types import Kind, Role
+from taskspec.language.expressions.types import Kind
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task import spaces
 from taskspec.language.task.legal import restricted
+from taskspec.language.task.questions import reads_time
 from taskspec.language.task.task import Task
 
 ASKS = 16
@@ -76,11 +76,10 @@ class ObservationPolicy(TaskPolicy):
     def __init__(self, task: Task, name: str) -> None:
         self.task = task
         self.name = name
-        nodes = task.observation.nodes
         self.layout = task.observation_layout
-        self.is_noisy = bool(draws(nodes))
-        self.sees_time = any(role is Role.TIME for role, _ in reads(nodes))
-        self._words = WordLayout.of(nodes)
+        self.is_noisy = task.observation.is_random
+        self.sees_time = reads_time(task.observation.nodes)
+        self._words = WordLayout.of(task.observation.nodes)
 
     def observe(self, states: State, t: int, rng: np.random.Generator) -> Any:
         """Return observations (N, *shape) of states by component, (*shape, N); a dict of them for a dict space."""

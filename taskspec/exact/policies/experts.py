@@ -12,11 +12,11 @@ from taskspec.exact.model.model import misused, refuse
 from taskspec.exact.policies.policy import Actions, decoded, planned, probabilities_of
 from taskspec.exact.rollout.rollout import State, by_expert
 from taskspec.exact.scores.returns import Given, Results
-from taskspec.language.expressions.ir import Read, reads
-from taskspec.language.expressions.types import Kind, Role
+from taskspec.language.expressions.types import Kind
 from taskspec.language.registry import load
 from taskspec.language.task import spaces
 from taskspec.language.task.parts import ExpertMemory
+from taskspec.language.task.questions import component, components_read
 from taskspec.language.task.task import Task, TaskLike, recall
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Expert:
         self.is_expressed: bool = isinstance(task.annotations.expert, tuple) and self.given is None
         needed = set(all_names(task.state))
         if isinstance(task.annotations.expert, tuple) and self.is_expressed:
-            needed &= {name for role, name in reads(task.annotations.expert) if role is Role.STATE}
+            needed &= components_read(task.annotations.expert)
         self.shown_by: dict[str, int] = _shown_by(task, needed)
 
     @property
@@ -171,8 +171,9 @@ def _shown_by(task: Task, wanted: set[str]) -> dict[str, int]:
     """Return the index of the observed component that shows each of some state components."""
     found: dict[str, int] = {}
     for i, node in enumerate(task.observation.nodes):
-        if isinstance(node, Read) and node.role is Role.STATE:
-            found.setdefault(node.name, i)
+        name = component(node)
+        if name is not None:
+            found.setdefault(name, i)
     missing = [c.name for c in task.state if c.name in wanted and c.name not in found]
     if missing:
         refuse(f"the expert of {task.name} looks at {', '.join(missing)}, which the observation does not show")

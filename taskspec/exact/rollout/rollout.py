@@ -21,8 +21,7 @@ from taskspec.exact.model.points import BYTES, Budget, Cost, columns, sampled
 from taskspec.language import draws
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.interval import bounds
-from taskspec.language.expressions.ir import Const, Node
-from taskspec.language.expressions.types import TIME, Kind, Role, total_size
+from taskspec.language.expressions.types import TIME, Expression, Kind, Role, total_size
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
 from taskspec.language.task.legal import legal_at_random
 from taskspec.language.task.parts import Component
@@ -69,7 +68,7 @@ class Rollout:
         return Moved(dict(zip(state, following, strict=True)), reward, terminal)
 
     def _values(
-        self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: WordLayout, words: Array
+        self, roots: Sequence[Expression], reads: Mapping[Key, Array], layout: WordLayout, words: Array
     ) -> list[Array]:
         found = evaluate(roots, reads, batch_sampler(layout, words))
         return [_spread(v, self.lanes) for v in found]
@@ -277,8 +276,7 @@ CUT = 1e-12  # the weight of a reward (a power of the discount) at which simulat
 
 def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
     """Return the returns float64 (N,) of episodes, discounted. Episode i has the environment's seed `seed + i`."""
-    never_ends = isinstance(task.process.terminal, Const) and not task.process.terminal.value
-    if never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
+    if task.process.never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task, LONGEST)
     parts = []
     expert = task.annotations.expert_nodes
@@ -337,10 +335,9 @@ def return_range(task: Task) -> tuple[float, float]:
     elif gap > 0:
         weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
     ends = list(map(float, bounds(task.process.reward, {})))
-    terminal = task.process.terminal
-    if isinstance(terminal, Const) and terminal.value:
+    if task.process.always_ends:
         weight = 1.0  # the first step ends the episode
-    elif not isinstance(terminal, Const):
+    elif not task.process.never_ends:
         ends.append(0.0)
     low = weight * min(ends) if min(ends) else 0.0
     high = weight * max(ends) if max(ends) else 0.0

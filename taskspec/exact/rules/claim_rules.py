@@ -17,6 +17,7 @@ import numpy as np
 from taskspec.base.diagnostics import Advice, Collector, SpecError, suggest
 from taskspec.exact.model.model import Model
 from taskspec.exact.rules.conditions import (
+    checked,
     condition_over_actions,
     condition_over_states,
     influences,
@@ -40,11 +41,8 @@ from taskspec.exact.solve.enclosure import (
 from taskspec.exact.solve.plans import MaxEnt
 from taskspec.exact.solve.solve import Solver
 from taskspec.language.expressions import syntax as s
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Const
 from taskspec.language.expressions.parse import parse_into
-from taskspec.language.expressions.types import Refused
+from taskspec.language.task.questions import constant, scope
 
 
 def _vocabulary(*rows: tuple[str, ...]) -> dict[str, Word]:
@@ -264,30 +262,22 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 return self._folded(expr)
 
     def _is_bound(self, name: str) -> bool:
-        scope = self.results.task.source.surface.scopes.get("claims")
-        return scope is not None and scope.lookup(name) is not None
+        return scope(self.results.task, "claims").lookup(name) is not None
 
     def _folded(self, expr: s.Expr) -> Enclosure:
         """Return the value of anything made of parameters and constants alone, by the language's own rules."""
         task = self.results.task
-        collector = Collector()
         try:
-            value = Checker(Builder(), collector).check(expr, task.source.surface.scopes["claims"])
-        except Refused as refused:
-            raise InvalidClaim(refused.message, expr) from None
-        if value is None:
+            found = checked(expr, task)
+        except InvalidClaim as error:
             self._refuse_misplaced(expr)
-            message = "this is not a number"
-            hint = None
-            if collector.diagnostics:
-                message = collector.diagnostics[0].message
-                hint = collector.diagnostics[0].hint
             if isinstance(expr, s.Name):
-                hint = suggest(expr.id, [*RESULTS, *task.values])
-            raise InvalidClaim(message, expr, hint)
-        if not isinstance(value.node, Const) or not value.node.type.is_scalar:
+                error.hint = suggest(expr.id, [*RESULTS, *task.values])
+            raise
+        value = constant(found)
+        if value is None or not found.type.is_scalar:
             raise InvalidClaim("this depends on the state; a claim is about the task as a whole", expr)
-        return self.constant(value.node.value)
+        return self.constant(value)
 
     def _refuse_misplaced(self, expr: s.Expr) -> None:
         """Raise InvalidClaim for results inside functions of the language, and conditions used as numbers."""

@@ -19,8 +19,8 @@ from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Node, draws, reads
-from taskspec.language.expressions.types import BOOL, TIME, Refused, Role
+from taskspec.language.expressions.types import BOOL, TIME, Expression, Refused, Role
+from taskspec.language.task.questions import components_read, is_random, reads_time, scope
 from taskspec.language.task.task import Task
 
 Timed = Callable[[int], Array]
@@ -28,49 +28,56 @@ MOST_LEVELS = 2**32
 """States times steps for which a bit is kept, in half a gigabyte."""
 
 
-def node_of(expr: s.Expr, task: Task) -> Node:
-    """Return a condition of a claim as a core node."""
+def checked(expr: s.Expr, task: Task) -> Expression:
+    """Return an expression of a claim with its type.
+
+    Raises:
+        InvalidClaim: with the first mistake in it.
+    """
     collector = Collector()
-    checker = Checker(Builder(), collector)
     try:
-        value = checker.check(expr, task.source.surface.scopes["claims"])
+        value = Checker(Builder(), collector).check(expr, scope(task, "claims"))
     except Refused as refused:
         raise InvalidClaim(refused.message, expr) from None
     if value is None:
-        for found in collector.diagnostics:
-            raise InvalidClaim(found.message, expr, found.hint)
+        for mistake in collector.diagnostics:
+            raise InvalidClaim(mistake.message, expr, mistake.hint)
         raise InvalidClaim("this cannot be understood", expr)
-    if value.node.type != BOOL or draws([value.node]):
-        raise InvalidClaim("a condition on states and actions is needed here", expr)
     return value.node
+
+
+def condition(expr: s.Expr, task: Task) -> Expression:
+    """Return a condition of a claim."""
+    found = checked(expr, task)
+    if found.type != BOOL or is_random([found]):
+        raise InvalidClaim("a condition on states and actions is needed here", expr)
+    return found
 
 
 def condition_over_states(expr: s.Expr, model: Model) -> Array:
     """Return the states (S,) in which a condition holds."""
-    node = node_of(expr, model.task)
-    used = reads([node])
-    if any(role is Role.ACTION for role, _ in used) or TIME in used:
+    about = [condition(expr, model.task)]
+    if components_read(about, Role.ACTION) or reads_time(about):
         raise InvalidClaim("this condition is about states alone", expr)
-    (value,) = evaluate([node], model.reads())
+    (value,) = evaluate(about, model.reads())
     return np.broadcast_to(value, (model.n_states,))
 
 
 def condition_over_actions(expr: s.Expr, model: Model, of_states: bool = False) -> Timed:
     """Return a function from time to where (A, S) a condition on state, action and time holds; `of_states`: not on action."""
-    node = node_of(expr, model.task)
-    used = reads([node])
-    if of_states and any(role is Role.ACTION for role, _ in used):
+    about = [condition(expr, model.task)]
+    if of_states and components_read(about, Role.ACTION):
         raise InvalidClaim("it says where, so it cannot depend on the action", expr)
     actions = model.actions.decode(np.arange(model.n_actions))
     repeated = {key: np.repeat(value, model.n_states, axis=-1) for key, value in actions.items()}
 
     def at(t: int) -> Array:
         states = {k: v if k == TIME else np.tile(v, model.n_actions) for k, v in model.reads(t).items()}
-        (value,) = evaluate([node], states | repeated)
+        (value,) = evaluate(about, states | repeated)
         size = model.n_actions * model.n_states
         return np.broadcast_to(value, (size,)).reshape(model.n_actions, model.n_states)
 
-    if TIME in used:
+    if reads_time(about):
         if model.horizon is None:
             raise Undecidable("this condition depends on the time, and there is no horizon", expr)
         return at
@@ -142,7 +149,7 @@ def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | 
     if not (isinstance(state, s.Name) and state.id in states):
         raise InvalidClaim(f"a state component is needed here: {', '.join(states)}", state)
     following = task.process.next[states.index(state.id)]
-    if (Role.ACTION, action.id) not in reads([following]):
+    if action.id not in components_read([following], Role.ACTION):
         return False, f"the next {state.id} does not depend on {action.id}"
     if results.model is None or results.model.task is not task:
         raise Undecidable("whether the action matters can only be told from an exact model", action)

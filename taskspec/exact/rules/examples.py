@@ -17,22 +17,23 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.base.display import small_fraction
 from taskspec.exact.model.space import domain, plain, words
-from taskspec.exact.model.transitions import FLOATS, count, is_finite, joint_outcomes, merge_outcomes
+from taskspec.exact.model.transitions import FLOATS, joint_outcomes, merge_outcomes, outcome_count
 from taskspec.exact.rules.claim_verdicts import wrong_setting
 from taskspec.exact.solve.enclosure import Inexact, Reader
 from taskspec.exact.solve.rational import ExactProbabilities
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.check import Checker
+from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.interval import NormalForms
-from taskspec.language.expressions.ir import Const, Node, draws, reads
 from taskspec.language.expressions.scope import Poisoned
-from taskspec.language.expressions.types import BOOL, INF, REAL, TIME, Refused, Role, total_size
+from taskspec.language.expressions.types import BOOL, INF, REAL, TIME, Expression, Refused, Role, total_size
 from taskspec.language.expressions.variates.entry import ProbabilityArithmetic
 from taskspec.language.registry import load
 from taskspec.language.task.annotations import SCOPE
 from taskspec.language.task.build import build
 from taskspec.language.task.context import assign
 from taskspec.language.task.parts import Component, Example, Followed
+from taskspec.language.task.questions import components_read, constant, is_random, scope
 from taskspec.language.task.task import Task, TaskLike
 
 MOST_OUTCOMES = 100_000
@@ -58,8 +59,8 @@ class Consequence:
 
     what: str
     component: Component
-    actual: Node
-    expected: Node
+    actual: Expression
+    expected: Expression
     expr: s.Expr
 
 
@@ -102,11 +103,9 @@ def _number(p: float | Fraction) -> str:
     return f"{float(p):.6g}" if ratio is None else str(ratio)
 
 
-def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
+def outcomes(nodes: Sequence[Expression]) -> JointOutcomes | None:
     """Return the joint outcomes of nodes that read nothing; None if there are infinitely many, or too many."""
-    found = draws(nodes)
-    size = total_size((*nodes, *found))
-    if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
+    if outcome_count(nodes) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, total_size(nodes))):
         return None
     try:
         return _enumerated(nodes, ExactProbabilities(Reader(as_written=True)))
@@ -114,7 +113,7 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
         return _enumerated(nodes, FLOATS)
 
 
-def _enumerated(nodes: Sequence[Node], numbers: ProbabilityArithmetic) -> JointOutcomes:
+def _enumerated(nodes: Sequence[Expression], numbers: ProbabilityArithmetic) -> JointOutcomes:
     rows = []
     weights = []
     for values, _, weight in joint_outcomes(nodes, {}, 1, numbers):
@@ -138,7 +137,7 @@ def compare(asked: Consequence, collector: Collector) -> None:
     forms = NormalForms()  # distributions that cannot be enumerated are equal if their normal forms are
     if forms.all([asked.actual]) == forms.all([asked.expected]):
         return
-    if draws([asked.expected]):
+    if is_random([asked.expected]):
         message = f"{what} is drawn in another way, which may be the same or not"
         collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
         return
@@ -207,7 +206,7 @@ class _Trial:
         self.collector = Collector()
         self.builder = self.task.new_builder()
         self.checker = Checker(self.builder, self.collector)
-        self.scope = self.task.source.surface.scopes[SCOPE]
+        self.scope = scope(self.task, SCOPE)
         self.fixed = self.scope.child({})
         self.fixed.draws = "what an example begins with is fixed"
 
@@ -234,51 +233,50 @@ class _Trial:
             compare_probability(asked, chance, self.example, self.collector)
 
     @cached_property
-    def given(self) -> dict[tuple[Role, str], Node | None]:
+    def given(self) -> dict[tuple[Role, str], Expression | None]:
         """State, action and time as constants; None for those that are wrong, which is reported."""
         components = {(Role.STATE, c.name): c for c in self.task.remembering().state}
         components |= {(Role.ACTION, c.name): c for c in self.task.action}
-        found: dict[tuple[Role, str], Node | None] = {
+        found: dict[tuple[Role, str], Expression | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()
         }
         found[TIME] = self.builder.scalar(self.example.t)
         return found
 
-    def _value(self, c: Component, expr: Any) -> Node | None:
+    def _value(self, c: Component, expr: Any) -> Expression | None:
         node = assign(self.checker, expr, self.fixed, c)
-        if not isinstance(node, Const):
+        if node is None or constant(node) is None:
             return None
-        if not all(low <= v <= high for v, low, high in zip(node.flat, c.low, c.high, strict=True)):
+        (flat,) = evaluate([node], {})
+        if not all(low <= v <= high for v, low, high in zip(flat, c.low, c.high, strict=True)):
             value = "what it is here"
             if c.type.is_scalar:
-                value = words(node.flat[0])
+                value = words(flat[0])
             self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")
             return None
         return node
 
-    def _substituted(self, node: Node, what: str) -> Node | None:
+    def _substituted(self, node: Expression, what: str) -> Expression | None:
         """Return a node with the given values substituted; None if some are missing, which is reported."""
-        lacking = sorted({name for role, name in reads([node]) if (role, name) not in self.given})
+        needed = components_read([node]) | components_read([node], Role.ACTION)
+        given = {name: value for (_, name), value in self.given.items()}
+        lacking = sorted(needed - given.keys())
         if lacking:
             names = " and ".join(f"'{name}'" for name in lacking)
             message = f"{what} depends on {names}, which this example does not give"
             self.collector.add("E613", self.example.place, message)
             return None
-
-        values: dict[tuple[Role, str], Node] = {}
-        for key in reads([node]):
-            value = self.given[key]
-            if value is None:
-                return None
-            values[key] = value
+        if any(given[name] is None for name in needed):
+            return None
+        values = {key: value for key, value in self.given.items() if value is not None}
         return self.builder.substitute([node], values, late=False)[0]
 
     def _consequence(self, follows: Followed) -> Consequence | None:  # noqa: C901
         """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""
         task = self.task
         name = follows.name
-        entry: tuple[Sequence[Component], Sequence[Node], str]
-        nodes: Sequence[Node]
+        entry: tuple[Sequence[Component], Sequence[Expression], str]
+        nodes: Sequence[Expression]
         match follows.section:
             case "initial":
                 entry = (task.state, task.process.initial, f"the first {name}")

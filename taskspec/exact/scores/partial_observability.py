@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import count, joint_outcomes, picked
+from taskspec.exact.model.transitions import joint_outcomes, outcome_count, picked
 from taskspec.exact.scores.measures import mean_length, undiscounted
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.enclosure import Enclosure
@@ -21,9 +21,9 @@ from taskspec.exact.solve.plans import uniform_plan
 from taskspec.exact.solve.pomdp import BeliefSearch, ReactiveSearch, hides, observation_classes
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import occupancy, visits_by_time
-from taskspec.language.expressions.ir import Node, draw_sites, draws, reads
-from taskspec.language.expressions.types import TIME, total_size
-from taskspec.language.modifiers.core import informative, moving_draws
+from taskspec.language.expressions.types import Expression, total_size
+from taskspec.language.modifiers.core import informative, sees_moving_draws
+from taskspec.language.task.questions import reads_time
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
 """The search for the best policy of beliefs, and for the best memoryless policy."""
@@ -84,14 +84,14 @@ RATE = 5_000_000
 
 def hidden_bits(model: Model) -> float:
     """Return the conditional entropy H(S | O) of the state given its observation, in bits, over the visits of random actions."""
-    nodes = list(informative(model.task).nodes)
-    if moving_draws(model.task) & draw_sites(nodes):
+    nodes = informative(model.task).nodes
+    if sees_moving_draws(model.task):
         refuse("what is seen shares a draw with the dynamics")
-    is_timed = TIME in reads(nodes)
+    is_timed = reads_time(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
     visits = list(visits_by_time(model, uniform_plan(model), model.horizon or 0)) if is_timed else [_visits(model)]
-    outcomes = count(draws(nodes), {})
+    outcomes = outcome_count(nodes)
     if outcomes == np.inf:
         refuse("the noise on what is seen of a state has infinitely many outcomes")
     size = sum(np.count_nonzero(each) for each in visits) * outcomes * total_size(nodes)
@@ -108,7 +108,7 @@ def hidden_bits(model: Model) -> float:
     return max(0.0, float(-(joint * np.log2(joint / marginal[pairs[0]])).sum()))
 
 
-def _observed(model: Model, nodes: list[Node], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
+def _observed(model: Model, nodes: Sequence[Expression], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
     """Yield states (N,), observations (N, D) and weights (N,) for each outcome of the noise."""
     states = np.flatnonzero(visits)
     given = picked(model.reads(t), states)

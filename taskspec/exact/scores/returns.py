@@ -24,10 +24,10 @@ from taskspec.exact.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.exact.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.exact.solve.plans import tables
 from taskspec.exact.solve.solve import Solvers, expectation, why_endless
-from taskspec.language.expressions.ir import draws
 from taskspec.language.modifiers.core import informative, storing_observations
 from taskspec.language.registry import load
 from taskspec.language.task.parts import Soft
+from taskspec.language.task.questions import is_random
 from taskspec.language.task.task import Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
@@ -212,11 +212,11 @@ class Results(InNotebooks):
     @cached_property
     def observing(self) -> Results:
         """The results of the task whose state includes random observations; these results where nothing seen is random."""
-        if not draws(self.task.observation.nodes):
+        if not self.task.observation.is_random:
             return self
         seen = informative(self.task)
         for c, node in zip(seen.components, seen.nodes, strict=True):
-            if draws([node]) and not c.is_finite:
+            if is_random([node]) and not c.is_finite:
                 hint = "a condition, a choice, or an int with bounds can be kept in the state"
                 refuse(f"the observation '{c.name}' is random and may have infinitely many values", hint)
         return Results(storing_observations(self.task), self.episodes, self.seed, self.limit)

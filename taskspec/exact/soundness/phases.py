@@ -16,7 +16,7 @@ from taskspec.exact.model.extract import Visits, successors, visits
 from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.points import Batch, Cost, Grid, Method, Samples, columns, drawn, resampled
 from taskspec.exact.model.space import Reads, Space, distinct, holds, union, without
-from taskspec.exact.model.transitions import Branch, Steps, branches, count, is_finite
+from taskspec.exact.model.transitions import Branch, Steps, branches, count, is_finite, outcome_count
 from taskspec.exact.rollout.rollout import entered, visited
 from taskspec.exact.soundness.places import SectionScope, Written, distributions
 from taskspec.language.expressions import syntax as s
@@ -171,7 +171,7 @@ class PhaseBuilder:
         nodes = lumped(roots, Builder.of(roots))
         rest = iter(nodes)
         merged = tuple(replace(c, guards=tuple(next(rest) for _ in c.guards), node=next(rest)) for c in left)
-        outcomes = count(draws(nodes), {})
+        outcomes = outcome_count(nodes)
         read = reads(nodes)
         if name == "start":
             is_exact = outcomes <= self.limit and not read
@@ -447,7 +447,7 @@ class Examination:
                 return None
             times = max(1, self.task.horizon)
         cost = float(steps.states.size) * steps.actions.size * steps.branching * times
-        if cost > SEARCH or count(draws(steps.first), {}) > SEARCH_STARTS:
+        if cost > SEARCH or outcome_count(steps.first) > SEARCH_STARTS:
             return None
         try:
             return visits(steps)

@@ -328,7 +328,7 @@ class Builder:
                 return node
 
     def substitute(
-        self, roots: Iterable[Expression], values: Mapping[tuple[Role, str], Node], late: bool = True
+        self, roots: Iterable[Expression], values: Mapping[tuple[Role, str], Expression], late: bool = True
     ) -> tuple[Node, ...]:
         """Return nodes with values in the place of the reads that have one, by role and name.
 
@@ -338,7 +338,7 @@ class Builder:
         replacements: dict[int, Node] = {}
         for node in walk(roots):
             if isinstance(node, Read) and (node.role, node.name) in values:
-                replacements[id(node)] = values[node.role, node.name]
+                replacements[id(node)] = cast("Node", values[node.role, node.name])
         return rewrite(roots, replacements, self.remake_late if late else self.remake)
 
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:

@@ -208,6 +208,11 @@ def moving_draws(task: Task) -> set[int]:
     return draw_sites((*process.initial, *process.next, process.reward, process.terminal))
 
 
+def sees_moving_draws(task: Task) -> bool:
+    """Return whether observations share a draw with first and next states, rewards or ends."""
+    return bool(moving_draws(task) & draw_sites(task.observation.nodes))
+
+
 def storing_observations(task: Task) -> Task:
     """Return the same task with its random observations in its state, so that each state has one observation.
 
