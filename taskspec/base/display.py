@@ -147,6 +147,23 @@ def plural(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
+def listed(names: Sequence[str]) -> str:
+    """Return `a, b and c`."""
+    *most, last = names
+    if not most:
+        return last
+    return f"{', '.join(most)} and {last}"
+
+
+def duration(seconds: float) -> str:
+    """Return `84 s`, `12 min`, `3.5 h`."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
 _COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
 _UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
 
@@ -157,6 +174,18 @@ def count_of(text: str) -> int | None:
     if found is None:
         return None
     return round(float(found[1]) * _UNITS[found[2]])
+
+
+_TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
+_SECONDS = {"s": 1, "m": 60, "h": 3600}
+
+
+def seconds_of(text: str) -> float | None:
+    """Return a time such as `5m`, `90s` or `1.5h` in seconds; None for another text."""
+    found = _TIME.fullmatch(text)
+    if found is None:
+        return None
+    return float(found[1]) * _SECONDS[found[2]]
 
 
 def _signed(text: str) -> str:

@@ -25,6 +25,12 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
     typer.echo(visible(text), err=err, nl=nl)
 
 
+def say_written(paths: Iterable[Path]) -> None:
+    """Print the files that were written."""
+    for path in paths:
+        say(f"wrote {near(path)}")
+
+
 def write_output(text: str, place: Path | None) -> None:
     """Write a text to a file, and say so; without a place, to standard output."""
     if place is None:

@@ -11,6 +11,7 @@ import typer
 from typer import Argument, Option
 
 from taskspec.base.diagnostics import suggest
+from taskspec.base.display import count_of, seconds_of
 from taskspec.cli.console import misuse
 
 MAX_OFFERED = 100
@@ -41,6 +42,22 @@ def split_names(texts: Sequence[str] | None) -> list[str]:
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
     """Return the names in an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
+
+
+def count(option: str, text: str | None) -> int | None:
+    """Return a number such as 500k or 1.5M; None where none is given."""
+    found = None if text is None else count_of(text)
+    if text is not None and found is None:
+        raise misuse(f"{option} is a number such as 500k, not '{text}'")
+    return found
+
+
+def seconds(option: str, text: str | None) -> float | None:
+    """Return a time such as 5m, 90s or 1.5h in seconds; None where none is given."""
+    found = None if text is None else seconds_of(text)
+    if text is not None and found is None:
+        raise misuse(f"{option} is a time such as 5m, 90s or 1.5h, not '{text}'")
+    return found
 
 
 def starting(incomplete: str, found: Completions) -> Completions:

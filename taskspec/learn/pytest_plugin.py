@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from taskspec.base.diagnostics import TaskspecError, suggest
-from taskspec.base.display import count_of, plural
+from taskspec.base.display import count_of, listed, plural
 from taskspec.base.files import safe_name
 from taskspec.base.jobs.running import Running
 from taskspec.language.task.task import Task, TaskLike
@@ -25,7 +25,6 @@ from taskspec.learn.exam.card import flag_text
 from taskspec.learn.exam.examining import SUITES, examine
 from taskspec.learn.exam.report import write
 from taskspec.learn.exam.results import Exam
-from taskspec.learn.exam.score_rows import listed
 
 __all__ = ["ExamOutcome", "examined"]
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec.base.display import fixed, interval
 from taskspec.exact.rollout.statistics import seeds_interval
 from taskspec.exam import Exam
-from taskspec.learn.exam.score_rows import decimal, interval, named
+from taskspec.learn.exam.score_rows import task_name
 from taskspec.show.figures import chart
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -70,7 +71,7 @@ def _runs(exam: Exam, task: str) -> Runs:
 
 def row(found: Compared) -> str:
     """A line of the table."""
-    cells = [NAMES[found.learner], named(found.task), found.library, str(len(found.ours.scores))]
+    cells = [NAMES[found.learner], task_name(found.task), found.library, str(len(found.ours.scores))]
     cells += [_told(values) for values in (found.ours.scores, found.theirs.scores)]
     has_curve = found.ours.curves.size > 0
     cells += [_told(runs.areas) if has_curve else "" for runs in (found.ours, found.theirs)]
@@ -78,7 +79,9 @@ def row(found: Compared) -> str:
 
 
 def _told(values: Sequence[float]) -> str:
-    return f"{decimal(float(np.mean(values)))} ({interval(*_interval(values)) or 'all seeds alike'})"
+    low, high = _interval(values)
+    spread = interval(low, high) if low < high else "all seeds alike"
+    return f"{fixed(float(np.mean(values)), 2)}, {spread}"
 
 
 def _interval(values: Sequence[float]) -> tuple[float, float]:
@@ -108,7 +111,7 @@ def draw(found: Sequence[Compared]) -> None:
                 axes.plot(runs.steps, runs.curves.mean(axis=0), color=color, label=label)
                 axes.fill_between(runs.steps, low, high, color=color, alpha=0.2, linewidth=0)
             axes.axhline(1, color=chart.MUTED, linestyle=":", linewidth=0.8)
-            axes.set_title(f"{NAMES[each.learner]}, {named(each.task)}", fontsize=8)
+            axes.set_title(f"{NAMES[each.learner]}, {task_name(each.task)}", fontsize=8)
             axes.set_xlabel("steps")
             axes.set_xticks([runs.steps[-1]], [f"{runs.steps[-1] / 1000:.0f}k"])
             axes.legend(fontsize=6.5)

@@ -1,15 +1,18 @@
-"""The card of an exam: the cause and what to do in one line, what passes, and a row for each other task, worst first."""
+"""The card of an exam: all that its reports show, as data.
+
+`card_text` shows it on the terminal, `card_charts` in pictures, `report` on pages and in files.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from taskspec.learn.exam import score_rows
+from taskspec.base.display import duration, fixed, listed, plural
 from taskspec.learn.exam.learned import learned_notes
-from taskspec.learn.exam.score_rows import PUBLISHED, TaskRow, counted, decimal, listed, named
+from taskspec.learn.exam.score_rows import PUBLISHED, TaskRow, task_name, task_rows
 from taskspec.learn.exam.verdicts import FEWEST
 
 CAUSES = ("values", "reward", "policy")
@@ -22,6 +25,7 @@ FLAG_WORDS = {
     "changed": "has changed", "diagnosis": "new diagnosis", "law": "breaks a law",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
+# -- flags
 
 
 @dataclass(frozen=True)
@@ -41,24 +45,64 @@ class FlagLine:
         return text
 
 
+def flag_lines(flags: Iterable[Mapping[str, Any]]) -> list[FlagLine]:
+    """Return flags, those with the same message on several tasks as one; numbers in it may differ."""
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for flag in flags:
+        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag_text(flag))
+        groups.setdefault((flag["kind"], same), []).append(flag)
+    lines = []
+    for (kind, _), group in groups.items():
+        ordered = sorted(group, key=lambda flag: -abs(flag["effect"] or 0.0))
+        lines.append(FlagLine(kind, tuple(task_name(flag["task"]) for flag in ordered), flag_text(ordered[0])))
+    return lines
+
+
+def flag_text(flag: Mapping[str, Any]) -> str:
+    """Return the message of a flag with its advice."""
+    if "advice" in flag:
+        return f"{flag['message']} Usual code: {flag['advice']}"
+    return str(flag["message"])
+
+
+# -- the card
+
+
 @dataclass(frozen=True)
 class Card:
-    """The content of a report of an exam, in any format.
+    """The content of a report of an exam.
 
-    `rows` are the tasks that need a look, worst first; all of them where there is none.
+    Attributes:
+        learner: its name.
+        suite: the suite of the exam.
+        terms: what it learned from, steps and seeds.
+        lead: what is wrong, in a sentence.
+        advice: what to do about it.
+        passed: the tasks that are passed.
+        tasks: all tasks in the order of the exam.
+        rows: the tasks that need a look, worst first; all that were run where there is none.
+        others: the other tasks that were run.
+        diagnoses: as in `exam.json`.
+        flags: in lines.
+        laws: results of laws, as in `exam.json`.
+        notes: what is undecided, what was learned, what the learner is not for.
+        facts: how the exam was run: cost, command, versions, machine.
     """
 
     learner: str
+    suite: str
     terms: str
     lead: str
     advice: str
     passed: str
+    tasks: tuple[TaskRow, ...]
     rows: tuple[TaskRow, ...]
     others: tuple[TaskRow, ...]
     diagnoses: tuple[Mapping[str, Any], ...]
     flags: tuple[FlagLine, ...]
+    laws: tuple[Mapping[str, Any], ...]
     notes: tuple[str, ...]
-    costs: str
+    facts: Mapping[str, str]
 
 
 def card(exam: Mapping[str, Any]) -> Card:
@@ -67,25 +111,77 @@ def card(exam: Mapping[str, Any]) -> Card:
     Args:
         exam: the content of `exam.json`.
     """
-    run = [row for row in score_rows.rows(exam) if row.grade is not None or row.printed.failed]
+    tasks = [replace(row, word=_word(exam, row)) for row in task_rows(exam)]
+    run = [row for row in tasks if row.grade is not None or row.printed.failed]
     flagged = {flag["task"] for flag in exam["flags"]}
     rows = sorted((row for row in run if row.grade not in PASSING or row.id in flagged), key=lambda row: row.rank)
     passed = [row for row in run if row not in rows]
     lead, advice = _lead(exam, rows, passed)
-    notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
-    notes += [*learned_notes(exam["scores"]), *(f"it cannot learn {text}" for text in score_rows.left_out(exam))]
+    source = " and ".join(exam["learns_from"]) or "nothing"
     return Card(
-        exam["learner"], score_rows.headline(exam), lead, advice, _passed(passed), tuple(rows or passed),
-        tuple(passed if rows else ()), tuple(exam["diagnoses"]), tuple(flag_lines(exam["flags"])), tuple(notes),
-        score_rows.costs(exam),
-    )  # fmt: skip
+        learner=exam["learner"],
+        suite=exam["suite"],
+        terms=f"learns from {source}; {exam['steps']:,} steps, {plural(len(exam['seeds']), 'seed')}",
+        lead=lead,
+        advice=advice,
+        passed=_passed(passed),
+        tasks=tuple(tasks),
+        rows=tuple(rows or passed),
+        others=tuple(passed if rows else ()),
+        diagnoses=tuple(exam["diagnoses"]),
+        flags=tuple(flag_lines(exam["flags"])),
+        laws=tuple(exam.get("laws") or ()),
+        notes=tuple(_notes(exam)),
+        facts=_facts(exam),
+    )
+
+
+def _word(exam: Mapping[str, Any], row: TaskRow) -> str:
+    """Return what is wrong with a learner on a task, in few words."""
+    if row.grade is None:
+        return ""
+    if row.grade not in PASSING:
+        for diagnosis in exam["diagnoses"]:
+            if row.id in diagnosis["tasks"]:
+                return str(diagnosis["name"]).replace("_", " ")
+    for flag in exam["flags"]:
+        if flag["task"] == row.id:
+            return FLAG_WORDS.get(flag["kind"], str(flag["kind"]))
+    if row.grade == "masters":
+        return ""
+    return row.grade
+
+
+def _notes(exam: Mapping[str, Any]) -> list[str]:
+    notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
+    notes += learned_notes(exam["scores"])
+    for task, about in exam["tasks"].items():
+        if about.get("cannot"):
+            notes.append(f"it cannot learn {task_name(task)}: {about['cannot']}")
+    return notes
+
+
+def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
+    """Return how the exam was run: cost, command, versions, machine."""
+    cost = exam["cost"]
+    spent = [f"{int(cost.get('steps', 0)):,} steps"]
+    for name, words in (("demonstrations", "demonstrated transitions"), ("comparisons", "comparisons")):
+        if cost.get(name):
+            spent.append(f"{int(cost[name]):,} {words}")
+    spent.append(duration(float(cost.get("seconds", 0.0))))
+    return {
+        "Cost": ", ".join(spent),
+        "Command": exam["command"],
+        "Versions": ", ".join(f"{name} {version}" for name, version in exam["versions"].items()),
+        "Machine": ", ".join(f"{name} {value}" for name, value in exam["machine"].items()),
+    }
 
 
 def _passed(rows: Sequence[TaskRow]) -> str:
     """Return the tasks that are passed, each with its score; apart from them those that one fixed action passes, too."""
     sentences = []
     for grade, words in (("masters", "Passed"), ("passes", FIXED_PASSES)):
-        named = [f"{row.name} {decimal(row.printed.mean)}" for row in rows if row.grade == grade]
+        named = [f"{row.name} {row.printed.words}" for row in rows if row.grade == grade]
         if named:
             sentences.append(f"{words}: {', '.join(named)}.")
     return " ".join(sentences)
@@ -107,7 +203,7 @@ def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[Tas
         return f"Fails {names}. No usual cause explains these scores.", ""
     if exam["flags"]:
         first = exam["flags"][0]
-        return _sentence(f"{named(first['task'])}: {first['message']}"), ""
+        return _sentence(f"{task_name(first['task'])}: {first['message']}"), ""
     return _without_fault(rows, passed, len(exam["seeds"]))
 
 
@@ -119,11 +215,11 @@ def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: in
         advice = ""
         if seeds < FEWEST:
             advice = f"Use {FEWEST} seeds or more: fewer cannot show mastery."
-        return f"Nothing fails; undecided after {counted(seeds, 'seed')}: {listed(unsure)}.", advice
+        return f"Nothing fails; undecided after {plural(seeds, 'seed')}: {listed(unsure)}.", advice
     if fixed:
         return f"{FIXED_PASSES}: {listed(fixed)}.", "Run it with twins, which relabel actions."
     if passed:
-        return f"Passes {counted(len(passed), 'task')}.", ""
+        return f"Passes {plural(len(passed), 'task')}.", ""
     return "Nothing was run.", ""
 
 
@@ -132,7 +228,7 @@ def _place(row: TaskRow) -> str:
     if row.grade is None:
         return f"{row.name} (it raised an error)"
     score, form = row.worst
-    words = f"{row.name} {decimal(score)}"
+    words = f"{row.name} {fixed(score, 2)}"
     if form == PUBLISHED:
         return words
     return f"{words} {form}"
@@ -147,89 +243,39 @@ def _first_clause(text: str) -> str:
     return re.split(r"[;.:] ", text)[0].rstrip(".") + "."
 
 
-def flag_lines(flags: Iterable[Mapping[str, Any]]) -> list[FlagLine]:
-    """Return flags, those with the same message on several tasks as one; numbers in it may differ."""
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for flag in flags:
-        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag_text(flag))
-        groups.setdefault((flag["kind"], same), []).append(flag)
-    lines = []
-    for (kind, _), group in groups.items():
-        ordered = sorted(group, key=lambda flag: -abs(flag["effect"] or 0.0))
-        lines.append(FlagLine(kind, tuple(named(flag["task"]) for flag in ordered), flag_text(ordered[0])))
-    return lines
-
-
-def flag_text(flag: Mapping[str, Any]) -> str:
-    """Return the message of a flag with its advice."""
-    if "advice" in flag:
-        return f"{flag['message']} Usual code: {flag['advice']}"
-    return str(flag["message"])
-
-
 # -- several learners
 
 
 @dataclass(frozen=True)
-class MatrixCell:
-    """One learner on one task: its row, and the diagnosis, flag or verdict in few words."""
-
-    row: TaskRow | None
-    word: str
-
-    @property
-    def score(self) -> str:
-        if self.row is None:
-            return ""
-        return self.row.printed.words
-
-    @property
-    def grade(self) -> str:
-        if self.row is None:
-            return ""
-        return self.row.grade or ""
-
-
-@dataclass(frozen=True)
 class LearnerMatrix:
-    """Learners (rows) and tasks (columns): the exams of several learners side by side."""
+    """The cards of several learners side by side.
+
+    Attributes:
+        learners: their names, without the family that all share.
+        tasks: the names of all tasks.
+        cells: a row of tasks for each learner; without scores where it has none.
+        cards: by the whole name of the learner.
+    """
 
     learners: tuple[str, ...]
     tasks: tuple[str, ...]
-    cells: tuple[tuple[MatrixCell, ...], ...]
-    cards: tuple[Card, ...]
+    cells: tuple[tuple[TaskRow, ...], ...]
+    cards: Mapping[str, Card]
 
 
-def matrix(exams: Mapping[str, Mapping[str, Any]]) -> LearnerMatrix:
-    """Return the exams of several learners side by side.
+def matrix(cards: Mapping[str, Card]) -> LearnerMatrix:
+    """Return learners side by side.
 
     Args:
-        exams: the content of `exam.json`, by the name of the learner.
+        cards: by the name of the learner.
     """
-    found = {name: {row.id: row for row in score_rows.rows(exam)} for name, exam in exams.items()}
-    tasks = {task: row.name for by_task in found.values() for task, row in by_task.items()}
+    tasks = {row.id: row.name for shown in cards.values() for row in shown.tasks}
     cells = []
-    for name, exam in exams.items():
-        rows = [found[name].get(task) for task in tasks]
-        cells.append(tuple(MatrixCell(row, _word(exam, row)) for row in rows))
-    names = tuple(_without_family(list(exams)))
-    return LearnerMatrix(names, tuple(tasks.values()), tuple(cells), tuple(card(exam) for exam in exams.values()))
-
-
-def _word(exam: Mapping[str, Any], row: TaskRow | None) -> str:
-    """Return what is wrong with a learner on a task, in few words."""
-    if row is None or row.grade is None:
-        return ""
-    if row.grade not in PASSING:
-        for diagnosis in exam["diagnoses"]:
-            if row.id in diagnosis["tasks"]:
-                return str(diagnosis["name"]).replace("_", " ")
-    for flag in exam["flags"]:
-        if flag["task"] == row.id:
-            return FLAG_WORDS.get(flag["kind"], str(flag["kind"]))
-    if row.grade == "masters":
-        return ""
-    return row.grade
+    for shown in cards.values():
+        known = {row.id: row for row in shown.tasks}
+        cells.append(tuple(known.get(task, TaskRow(task, name)) for task, name in tasks.items()))
+    names = tuple(_without_family(list(cards)))
+    return LearnerMatrix(names, tuple(tasks.values()), tuple(cells), cards)
 
 
 def _without_family(learners: Sequence[str]) -> list[str]:

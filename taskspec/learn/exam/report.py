@@ -10,11 +10,13 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.display import interval, plural
 from taskspec.base.extras import install
-from taskspec.base.files import write_text
-from taskspec.learn.exam import score_charts, score_rows
-from taskspec.learn.exam.card import card, matrix
-from taskspec.learn.exam.score_rows import TaskRow, counted, forms_of
+from taskspec.base.files import whole, write_text
+from taskspec.envs.data.datasets import write_table
+from taskspec.learn.exam import card_charts
+from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
+from taskspec.learn.exam.score_rows import TaskRow, forms_of
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
 from taskspec.show.pages.render.html import page_of
@@ -22,6 +24,11 @@ from taskspec.show.pages.render.html import page_of
 PICTURES = ("png", "pdf", "svg")
 FORMATS = ("html", *PICTURES, "parquet")
 """Forms of a report other than `exam.json`."""
+COLUMNS = (
+    "task", "twin", "peek", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
+    "comparisons", "seconds", "starc", "reward_regret",
+)  # fmt: skip
+"""Of a score, as `exam.json` calls them; learning curves are left to it."""
 
 
 def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = ("html",)) -> list[Path]:
@@ -58,27 +65,43 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
         SpecError: as `write`.
     """
     place = Path(folder)
+    cards = {name: card(exam) for name, exam in exams.items()}
     written = []
     for name in _known(formats):
         if name == "parquet":
-            written.append(score_rows.write_scores(exams, place / "scores.parquet"))
-        elif len(exams) == 1:
-            (exam,) = exams.values()
-            written.append(_write_one(exam, place / f"report.{name}"))
+            written.append(write_scores(exams, place / "scores.parquet"))
         elif name == "html":
-            write_text(place / "learners.html", page_of_several(exams))
-            written.append(place / "learners.html")
+            written.append(_write_page(cards, place))
+        elif len(cards) == 1:
+            (shown,) = cards.values()
+            written.append(chart.save(card_charts.picture(shown), place / f"report.{name}"))
         else:
-            written += [chart.save(drawn, place / f"{stem}.{name}") for stem, drawn in score_charts.of_several(exams)]
+            for stem, drawn in card_charts.of_several(matrix(cards)):
+                written.append(chart.save(drawn, place / f"{stem}.{name}"))
     return written
 
 
-def _write_one(exam: Mapping[str, Any], path: Path) -> Path:
-    """Write the page of an exam, or its picture."""
-    if path.suffix == ".html":
-        write_text(path, page(exam))
-        return path
-    return chart.save(score_charts.picture(card(exam)), path)
+def _write_page(cards: Mapping[str, Card], folder: Path) -> Path:
+    if len(cards) == 1:
+        (shown,) = cards.values()
+        path = folder / "report.html"
+        write_text(path, page(shown))
+    else:
+        path = folder / "learners.html"
+        write_text(path, page_of_several(matrix(cards)))
+    return path
+
+
+def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
+    """Write the scores of exams, by the name of the learner, which is the first column.
+
+    Raises:
+        SpecError: E705 without pyarrow; E716, it cannot be written.
+    """
+    rows = [{"learner": name, **score} for name, exam in exams.items() for score in exam["scores"]]
+    with whole(path) as place:
+        write_table(place, {name: [row.get(name) for row in rows] for name in ("learner", *COLUMNS)})
+    return path
 
 
 def _known(formats: Iterable[str]) -> list[str]:
@@ -94,36 +117,30 @@ def _known(formats: Iterable[str]) -> list[str]:
 # -- pages
 
 
-def page(exam: Mapping[str, Any]) -> str:
+def page(shown: Card) -> str:
     """Return the page of an exam."""
-    shown = card(exam)
     forms = forms_of(shown.rows)
-    scores = score_charts.score_ends(shown.rows)
+    ends = card_charts.score_ends(shown.rows)
+    curves = []
+    for row in (*shown.rows, *shown.others):
+        if row.curves and chart.is_available():
+            curves.append({"name": row.name, "picture": _embedded("curves", card_charts.curves, row)})
+    diagnoses = [{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses]
     return page_of(
-        "report.html", card=shown, suite=exam["suite"], lead=_code(shown.lead), advice=_code(shown.advice),
-        forms=[*forms, "seeds pass"], rows=[_row(row, forms, scores) for row in shown.rows],
-        axis=_embedded("strip axis", score_charts.strip_head, scores),
-        curves=[
-            {"name": row.name, "picture": _embedded("curves", score_charts.curves, row)}
-            for row in (*shown.rows, *shown.others)
-            if row.curves and chart.is_available()
-        ],
-        install=install("figures"),
-        diagnoses=[{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses],
-        flags=[{"kind": flag.kind, "words": _code(flag.words)} for flag in shown.flags],
-        notes=[_code(note) for note in shown.notes],
-        facts=_facts(exam),
+        "report.html", card=shown, lead=_code(shown.lead), advice=_code(shown.advice), forms=[*forms, "seeds pass"],
+        rows=[_row(row, forms, ends) for row in shown.rows], axis=_embedded("strip axis", card_charts.strip_head, ends),
+        install=install("figures"), curves=curves, diagnoses=diagnoses,
+        flags=[{"kind": flag.kind, "words": _code(flag.words)} for flag in shown.flags], notes=map(_code, shown.notes),
     )  # fmt: skip
 
 
-def page_of_several(exams: Mapping[str, Mapping[str, Any]]) -> str:
+def page_of_several(found: LearnerMatrix) -> str:
     """Return the page of several learners side by side."""
-    found = matrix(exams)
     rows = [
         {"learner": name, "cells": cells, "lead": _code(own.lead), "advice": _code(own.advice)}
-        for name, cells, own in zip(found.learners, found.cells, found.cards, strict=True)
+        for name, cells, own in zip(found.learners, found.cells, found.cards.values(), strict=True)
     ]
-    title = f"{counted(len(found.learners), 'learner')} on {counted(len(found.tasks), 'task')}"
+    title = f"{plural(len(found.learners), 'learner')} on {plural(len(found.tasks), 'task')}"
     return page_of("learners.html", title=title, tasks=map(_breakable, found.tasks), rows=rows)
 
 
@@ -140,14 +157,16 @@ def _embedded(kind: str, draw: Callable[..., Chart], *drawn: Any) -> Markup:
     return Markup(chart.svg(draw(*drawn), kind))
 
 
-def _row(row: TaskRow, forms: Sequence[str], scores: score_charts.Ends) -> dict[str, Any]:
+def _row(row: TaskRow, forms: Sequence[str], ends: card_charts.Ends) -> dict[str, Any]:
     """Return a task with its strip, and its numbers in words, each with its interval."""
     numbers = []
     for form in forms:
         cell = row.forms[form]
-        numbers.append({"form": form, "words": cell.words, "interval": score_rows.interval(*cell.interval)})
+        numbers.append(
+            {"form": form, "words": cell.words, "interval": interval(*cell.interval) if cell.interval else ""}
+        )
     numbers.append({"form": "seeds pass", "words": row.passed, "interval": ""})
-    return {"task": row, "numbers": numbers, "picture": _embedded("strip", score_charts.strip, row, scores)}
+    return {"task": row, "numbers": numbers, "picture": _embedded("strip", card_charts.strip, row, ends)}
 
 
 def _code(text: str) -> Markup:
@@ -156,15 +175,3 @@ def _code(text: str) -> Markup:
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if i % 2 and i < len(parts) - 1 else part for i, part in enumerate(parts)
     )
-
-
-def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
-    """Return how the exam was run: cost, command, versions, machine."""
-    versions = ", ".join(f"{name} {version}" for name, version in exam["versions"].items())
-    machine = ", ".join(f"{name} {value}" for name, value in exam["machine"].items())
-    return {
-        "Cost": score_rows.costs(exam),
-        "Command": exam["command"],
-        "Versions": versions,
-        "Machine": machine,
-    }

@@ -186,6 +186,14 @@ class ShownExam(dict[str, Any], InNotebooks):
         return f"<Exam of {self['learner']}, {len(self['seeds'])} seeds on {len(self['tasks'])} tasks>"
 
 
+def exams_below(folder: Path) -> list[Path]:
+    """Return the folders with an exam in a folder, at any depth; the folder itself where there is none."""
+    if folder.is_file():
+        return [folder.parent]
+    below = {path.parent for name in NAMES for path in folder.rglob(name)}
+    return sorted(below) or [folder]
+
+
 def read(folder: Path | str) -> Exam:
     """Return the results of an exam in a folder, or one that comes with a suite, such as `derail/bc`.
 

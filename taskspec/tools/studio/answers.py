@@ -34,6 +34,7 @@ from taskspec.language.task.parts import Parameter
 from taskspec.language.task.schema.experiments import Experiment
 from taskspec.language.task.task import Task
 from taskspec.learn.exam import report, results
+from taskspec.learn.exam.card import card
 from taskspec.learn.experiments.experiment_file import RETURNS
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.picture import figure
@@ -266,7 +267,7 @@ def results_in_files(asked: Question) -> dict[str, Any]:
                 entry |= {"kind": "plot", "svg": text_of(place)}
             else:
                 exam = results.read(place.parent)
-                entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(exam)}
+                entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(card(exam))}
             found.append(entry)
     return {"results": found, "more": max(0, len(places) - MOST_RESULTS)}
 

@@ -17,7 +17,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact.rules.rule_books import read_findings
 from taskspec.language import registry
 from taskspec.language.task.schema.experiments import FindingsDocument, document_schema
-from taskspec.learn.exam.findings import diagnose, evaluate, html, markdown
+from taskspec.learn.exam.findings import diagnose, evaluate
+from taskspec.learn.exam.findings_page import html, markdown
 from taskspec.learn.exam.results import LIMIT
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam

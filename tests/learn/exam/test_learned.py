@@ -10,9 +10,9 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.terminal import console
-from taskspec.cli.report import print_exam
 from taskspec.exam import Case, Learned, examine, learns_from
+from taskspec.learn.exam.card import card
+from taskspec.learn.exam.card_text import print_exams
 from taskspec.learn.exam.learned import learned_fields, learned_values
 from taskspec.learn.exam.mistakes import MISTAKES
 from taskspec.learn.exam.report import page
@@ -43,18 +43,18 @@ def test_a_mistake_is_flagged_with_its_code_and_its_fix(capsys: pytest.CaptureFi
     assert "done = terminated or truncated. Mask V(s') by terminated alone" in flag["advice"]
     of_walk = [score["operators"] for score in found["scores"] if "CoinWalk" in score["task"]]
     assert of_walk and all(each["limit is an end"] < each["right"] for each in of_walk)
-    print_exam(found, console(wide=True))
+    print_exams({"one": found})
     assert "time limit ends the world" in " ".join(capsys.readouterr().out.split())
-    assert "time limit ends the world" in page(found)
+    assert "time limit ends the world" in page(card(found))
 
 
 def test_right_values_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str]) -> None:
     found = examined("right", lambda q: Learned(q, discount=GAMMA))
     assert not found["flags"]
-    print_exam(found, console(wide=True))
+    print_exams({"one": found})
     line = "the values are those of a learner without a known mistake (distance 0.0"
     assert line in " ".join(capsys.readouterr().out.split())
-    assert line in page(found)
+    assert line in page(card(found))
 
 
 def test_values_are_not_compared_with_a_reward_that_is_withheld() -> None:

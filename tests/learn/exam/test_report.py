@@ -18,13 +18,13 @@ from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.terminal import console
-from taskspec.cli.report import print_exam
+from taskspec.base.display import duration
 from taskspec.exam import read
+from taskspec.learn.exam import card_charts as pictures
 from taskspec.learn.exam import findings, report
-from taskspec.learn.exam import score_charts as pictures
-from taskspec.learn.exam import score_rows as told
 from taskspec.learn.exam.card import card, matrix
+from taskspec.learn.exam.card_text import print_exams
+from taskspec.learn.exam.score_rows import FLOOR, RELABELLED, task_rows
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
 from tests.shared.charts import assert_legible, texts
@@ -56,10 +56,10 @@ def results() -> dict[str, Any]:
 
 
 def test_rows_are_the_tasks_with_the_scores_of_their_seeds(results: dict[str, Any]) -> None:
-    rows = {row.name: row for row in told.rows(results)}
+    rows = {row.name: row for row in task_rows(results)}
     assert list(rows) == list(TITLES)
     assert rows["Branching"].printed.scores == pytest.approx(np.linspace(0, 1, 14))
-    assert rows["RiskyPath"].twins.scores == pytest.approx([0.2] * 14)  # the mean over its two twins
+    assert rows["RiskyPath"].forms[RELABELLED].scores == pytest.approx([0.2] * 14)  # the mean over its two twins
     assert (rows["Sort"].printed.scores, rows["Sort"].printed.failed) == ((), 14)
     assert rows["RiskyPath"].optimum == 1.0
     grades = {name: row.grade for name, row in rows.items()}
@@ -70,10 +70,10 @@ def test_rows_are_the_tasks_with_the_scores_of_their_seeds(results: dict[str, An
 
 
 def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> None:
-    (row,) = (row for row in told.rows(results) if row.name == "EarlyTermNeg")
-    assert row.printed.words == "−1.70" and told.clipped(row.printed.scores) == [-1.0] * 14
+    (row,) = (row for row in task_rows(results) if row.name == "EarlyTermNeg")
+    assert row.printed.words == "−1.70" and pictures.clipped(row.printed.scores) == [-1.0] * 14
     curves = (((0.0, 0.0), (1.0, -3.0)), ((0.0, 0.0), (1.0, 1.0)))
-    assert told.mean_curve(curves) == ([0.0, 1.0], [0.0, -1.0])
+    assert pictures.mean_curve(curves) == ([0.0, 1.0], [0.0, -1.0])
 
 
 # -- the card ---------------------------------------------------------------------------------------------------------
@@ -116,9 +116,7 @@ def test_the_same_flag_on_several_tasks_is_one_line() -> None:
 
 
 def test_what_an_exam_took_is_told_in_words() -> None:
-    assert told.duration(84) == "84 s" and told.duration(720) == "12 min" and told.duration(9000) == "2.5 h"
-    assert told.steps(250_000) == "250k" and told.steps(1_500_000) == "1.5M"
-    assert told.decimal(-0.001) == "0.00" and told.decimal(-0.5) == "−0.50" and told.decimal(None) == ""
+    assert duration(84) == "84 s" and duration(720) == "12 min" and duration(9000) == "2.5 h"
 
 
 # -- the terminal -----------------------------------------------------------------------------------------------------
@@ -128,7 +126,7 @@ def test_the_terminal_shows_all_of_it(
     results: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    print_exam(results, console(wide=True))
+    print_exams({"one": results})
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "Passed: EarlyTermPos 1.00, Parabola 0.96." in lines
     (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
@@ -179,7 +177,7 @@ def test_the_page_stands_alone_and_shows_every_seed(results: dict[str, Any], tmp
     assert page.loads == [] and not re.search(r"url\((?!#)|@import", text)
     assert page.open == []
     assert page.counts["strip"] == 5 and page.counts["curves"] == 1
-    (curve,) = (pictures.curves(row).figure for row in told.rows(results) if row.curves)
+    (curve,) = (pictures.curves(row).figure for row in task_rows(results) if row.curves)
     assert sum(line.get_alpha() is not None for line in curve.axes[0].lines) == 14
     words = [text for _, text in page.texts]
     assert "gail <im> & co" in words and "RiskyPath: differs from its <twins>" in words
@@ -229,13 +227,16 @@ def test_the_picture_has_every_seed_and_the_mean_of_the_data(results: dict[str, 
 
 
 def test_no_words_of_a_picture_overlap(results: dict[str, Any]) -> None:
-    for drawn in (pictures.picture(card(results)), pictures.table(matrix({"one": results, "two": results}))):
+    for drawn in (
+        pictures.picture(card(results)),
+        pictures.table(matrix(dict.fromkeys(("one", "two"), card(results)))),
+    ):
         assert_legible(drawn.figure)
 
 
 def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
     exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": [-1.7, -3.1] * 7 + [-2.4]})}
-    drawn = dict(pictures.of_several(exams))
+    drawn = dict(pictures.of_several(matrix({name: card(each) for name, each in exams.items()})))
     assert "−2.40" in labels(drawn["table"]) and "−1.00" not in labels(drawn["table"])
     assert labels(drawn["learner-GAIL"]).count("−2.40") == 2
 
@@ -243,7 +244,7 @@ def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
 def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> None:
     gail = exam({"EarlyTermPos": 1.0, "EarlyTermNeg": -3.0, "Sort": 0.5}, learner="GAIL")
     gail["diagnoses"] = findings.diagnose(gail, "derail")
-    found = matrix({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    found = matrix({"BC": card(exam({"Sort": 1.0})), "GAIL": card(gail)})
     cells = {(name, task): cell for name, row in zip(found.learners, found.cells, strict=True)
              for task, cell in zip(found.tasks, row, strict=True)}  # fmt: skip
     assert [cells["GAIL", task].word for task in ("EarlyTermPos", "EarlyTermNeg", "Sort")] == [
@@ -251,11 +252,11 @@ def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> Non
         "survival pays",
         "fails",
     ]
-    assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade == ""
+    assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade is None
     fills = pictures.table(found).figure.axes[0].collections
     filled = fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")].get_facecolor()
     assert to_hex(filled[0]) == pictures.TINTS["fails"]
-    page = report.page_of_several({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    page = report.page_of_several(found)
     assert "survival pays" in page and "−3.00" in page
 
 
@@ -268,7 +269,7 @@ def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> Non
     ],
 )
 def test_the_table_of_one_family_leaves_its_name_out(learners: list[str], shown: list[str]) -> None:
-    assert list(matrix({name: exam({"Sort": 0.5}) for name in learners}).learners) == shown
+    assert list(matrix({name: card(exam({"Sort": 0.5})) for name in learners}).learners) == shown
 
 
 def test_the_table_holds_every_score(results: dict[str, Any], tmp_path: Path) -> None:
@@ -425,13 +426,14 @@ def test_numerals_are_the_means_of_the_data() -> None:
     """In the matrix and in its picture, of the stored exams of the paper's learners; clipped scores are not among them."""
     exams = {path.parent.name: read(path.parent) for path in sorted(RESULTS.glob("*/exam.json*"))}
     expected = []
-    for found in exams.values():
-        for task, about in found["tasks"].items():
-            scores = [x["deterministic"] for x in found["scores"] if x["task"] == task and x["twin"] is None]
+    for each in exams.values():
+        for task, about in each["tasks"].items():
+            scores = [x["deterministic"] for x in each["scores"] if x["task"] == task and x["twin"] is None]
             known = [score for score in scores if score is not None]
             expected.append("cannot" if about.get("cannot") else f"{sum(known) / len(known):.2f}".replace("-", "−"))
-    assert any(float(x.replace("−", "-")) < told.FLOOR for x in expected if x != "cannot")
-    page = report.page_of_several(exams)
+    assert any(float(x.replace("−", "-")) < FLOOR for x in expected if x != "cannot")
+    found = matrix({name: card(each) for name, each in exams.items()})
+    page = report.page_of_several(found)
     assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
-    drawn = [text for text in labels(pictures.table(matrix(exams))) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
+    drawn = [text for text in labels(pictures.table(found)) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
     assert sorted(drawn) == sorted(x.replace("−0.00", "0.00") for x in expected)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
+from taskspec.base.display import fixed
 from taskspec.base.files import safe_name
-from taskspec.learn.exam import score_rows
-from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
-from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, TaskRow, decimal, forms_of
+from taskspec.learn.exam.card import Card, LearnerMatrix
+from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, Curve, TaskRow, forms_of
 from taskspec.learn.exam.verdicts import MASTERED
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
@@ -19,9 +21,9 @@ GRADES: dict[str | None, str] = {
     "masters": chart.BLUE, "passes": chart.MUTED, "unsure": chart.MUTED, "fails": chart.FAILS, None: chart.MUTED,
 }  # fmt: skip
 """The colour of a verdict."""
-TINTS: dict[str, str] = {
+TINTS: dict[str | None, str] = {
     "masters": chart.TINT_MASTERS, "passes": chart.TINT_UNSURE, "unsure": chart.TINT_UNSURE, "fails": chart.TINT_FAILS,
-    "": chart.TINT_NONE,
+    None: chart.TINT_NONE,
 }  # fmt: skip
 """The same colours as backgrounds of numbers."""
 WIDTH = 4.2
@@ -67,7 +69,7 @@ def _axis_words(axes: Any, ends: Ends, y: float, size: float) -> None:
     where = {"transform": axes.get_xaxis_transform(), "color": chart.MUTED, "fontsize": size, "va": "bottom"}
     axes.text(ends[0] / 2, y, "worse than random", ha="center", **where)
     axes.text(0.0, y, "random", ha="center", **where)
-    axes.text(MASTERED - 0.045, y, decimal(MASTERED).rstrip("0"), ha="right", **where)
+    axes.text(MASTERED - 0.045, y, f"{MASTERED:g}", ha="right", **where)
     axes.text(ends[1], y, "expert", ha="right", **where)
 
 
@@ -77,9 +79,9 @@ def _marks(axes: Any, row: TaskRow, lane: float) -> None:
     The colour is that of the verdict. Positions are clipped at `FLOOR`; a clipped mean gets a mark at the edge, and its value.
     """
     color = GRADES[row.grade]
-    means = {form: cell.mean for form, cell in row.forms.items() if cell.mean is not None}
-    places = dict(zip(means, score_rows.clipped(means.values()), strict=True))
-    seeds = score_rows.clipped(row.printed.scores)
+    means = row.means
+    places = dict(zip(means, clipped(means.values()), strict=True))
+    seeds = clipped(row.printed.scores)
     axes.plot(seeds, [lane] * len(seeds), "o", color=color, markersize=3, markeredgewidth=0, alpha=0.3)
     if PUBLISHED in places and RELABELLED in places:
         axes.plot([places[PUBLISHED], places[RELABELLED]], [lane, lane], color=color, linewidth=1.5)
@@ -89,7 +91,7 @@ def _marks(axes: Any, row: TaskRow, lane: float) -> None:
         axes.plot([places[PUBLISHED]], [lane], "o", color=color, markersize=7)
     if RELABELLED in places:
         axes.plot([places[RELABELLED]], [lane], "o", color=color, markersize=6, markerfacecolor=chart.PAPER)
-    further = [decimal(means[form]) for form in (PUBLISHED, RELABELLED) if means.get(form, 0.0) < FLOOR]
+    further = [fixed(means[form], 2) for form in (PUBLISHED, RELABELLED) if means.get(form, 0.0) < FLOOR]
     if further:
         axes.plot([0.012], [lane], "<", color=color, markersize=5, transform=axes.get_yaxis_transform())
         text = ", ".join(dict.fromkeys(further))
@@ -119,7 +121,28 @@ def strip_head(ends: Ends) -> Chart:
     return Chart(figure, "scores: random actions 0, expert 1", is_tight=False)
 
 
+def clipped(scores: Iterable[float]) -> list[float]:
+    """Return the positions of scores in pictures."""
+    return [max(score, FLOOR) for score in scores]
+
+
 # -- learning curves
+
+
+def mean_curve(curves: Sequence[Curve]) -> tuple[list[float], list[float]]:
+    """Return the mean over seeds at the steps where all of them were looked at."""
+    known = [dict(curve) for curve in curves]
+    xs = sorted(set.intersection(*map(set, known)))
+    return xs, [float(np.mean([each[x] for each in known])) for x in xs]
+
+
+def _steps(count: float) -> str:
+    """Return `250k`, `1.5M`."""
+    if count < 1000:
+        return f"{count:g}"
+    if count < 1e6:
+        return f"{count / 1e3:g}k"
+    return f"{count / 1e6:g}M"
 
 
 def _learning_curves(axes: Any, row: TaskRow) -> None:
@@ -131,9 +154,9 @@ def _learning_curves(axes: Any, row: TaskRow) -> None:
     axes.axhline(0.0, color=chart.MUTED, linestyle="-.", linewidth=0.7)
     for curve in row.curves:
         xs, ys = zip(*curve, strict=True)
-        axes.plot(xs, score_rows.clipped(ys), color=color, linewidth=0.6, alpha=0.4)
-    steps, means = score_rows.mean_curve(row.curves)
-    axes.plot(steps, score_rows.clipped(means), color=color, linewidth=1.6)
+        axes.plot(xs, clipped(ys), color=color, linewidth=0.6, alpha=0.4)
+    steps, means = mean_curve(row.curves)
+    axes.plot(steps, clipped(means), color=color, linewidth=1.6)
     axes.set_xlim(0.0, _last_step(row))
 
 
@@ -153,9 +176,9 @@ def curves(row: TaskRow) -> Chart:
         axes = figure.add_axes((0.18, 0.22, 0.74, 0.7))
         _learning_curves(axes, row)
         axes.set_yticks(list(ticks), list(ticks.values()))
-        axes.set_xticks([0.0, last], ["0", f"{score_rows.steps(last)} steps"])
+        axes.set_xticks([0.0, last], ["0", f"{_steps(last)} steps"])
         axes.get_xticklabels()[1].set_horizontalalignment("right")
-    return Chart(figure, f"Learning curves of {row.name}, up to {score_rows.steps(last)} steps", is_tight=False)
+    return Chart(figure, f"Learning curves of {row.name}, up to {_steps(last)} steps", is_tight=False)
 
 
 # -- the card
@@ -237,16 +260,15 @@ def _key(axes: Any, forms: Sequence[str]) -> None:
 # -- several learners
 
 
-def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Chart]]:
+def of_several(found: LearnerMatrix) -> Iterator[tuple[str, Chart]]:
     """Yield charts of several learners by the stems of their files: `table`, and strips `task-NAME` and `learner-NAME`."""
-    found = matrix(exams)
     yield "table", table(found)
     for j, task in enumerate(found.tasks):
-        known = [(name, row[j].row) for name, row in zip(found.learners, found.cells, strict=True)]
-        named = [(name, row) for name, row in known if row is not None]
+        column = [(name, row[j]) for name, row in zip(found.learners, found.cells, strict=True)]
+        named = [(name, row) for name, row in column if row.capability]
         yield _stem(f"task-{task}"), _strips(named, [(task, chart.INK, "bold")], f"Scores on {task}")
-    for name, exam in exams.items():
-        yield _stem(f"learner-{name}"), picture(card(exam))
+    for name, shown in found.cards.items():
+        yield _stem(f"learner-{name}"), picture(shown)
 
 
 def _stem(name: str) -> str:
@@ -273,9 +295,9 @@ def table(found: LearnerMatrix) -> Chart:
                 axes.fill_between([j, j + 1], i, i + 1, facecolor=TINTS[cell.grade], edgecolor=chart.PAPER)
                 where = {"x": j + 0.5, "ha": "center"}
                 if not cell.word:
-                    axes.text(y=i + 0.5, s=cell.score or "·", va="center", **where)
+                    axes.text(y=i + 0.5, s=cell.printed.words or "·", va="center", **where)
                     continue
-                axes.text(y=i + 0.45, s=cell.score, va="bottom", weight="bold", **where)
+                axes.text(y=i + 0.45, s=cell.printed.words, va="bottom", weight="bold", **where)
                 axes.text(y=i + 0.5, s="\n".join(textwrap.wrap(cell.word, 16)), va="top", fontsize=6, **where)
     return Chart(figure, f"Mean scores of {down} learners on {across} tasks")
 

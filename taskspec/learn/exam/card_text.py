@@ -1,0 +1,196 @@
+"""Cards of exams as text and tables on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from taskspec.base.columns import Columns
+from taskspec.base.display import fixed, interval, plural
+from taskspec.base.terminal import VisibleText, console, line
+from taskspec.exact.rules.score_rules import short_name
+from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
+from taskspec.learn.exam.comparison import LearnersComparison, compare, lines
+from taskspec.learn.exam.results import Exam
+from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, SAMPLED, TaskRow, forms_of
+from taskspec.learn.exam.verdicts import MASTERED
+
+GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
+KEY = "● as published  ○ relabelled  | best fixed action  ◂ below −1  ┊ 0.9; 0 is random, 1 the expert"
+NARROWEST = 15  # the least width of a strip
+WIDEST = 41
+Printed = VisibleText | Columns | str
+
+
+def print_exams(exams: Mapping[str, Exam]) -> None:
+    """Print the card of an exam; of several, their matrix, what is wrong with each learner, and numbers over all runs.
+
+    Args:
+        exams: what `exam.json` holds, by the name of the learner.
+    """
+    if len(exams) == 1:
+        (exam,) = exams.values()
+        prose = console()
+        for part in card_text(card(exam), prose.width):
+            prose.print(part)
+        return
+    print_matrix(exams)
+    wide = console(wide=True)
+    wide.print()
+    for part in comparison_text(compare(exams)):
+        wide.print(part)
+
+
+def print_matrix(exams: Mapping[str, Exam]) -> None:
+    """Print learners and tasks as a matrix of scores and diagnoses, and what is wrong with each learner."""
+    found = matrix({name: card(exam) for name, exam in exams.items()})
+    wide = console(wide=True)
+    wide.print(matrix_text(found))
+    wide.print()
+    prose = console()
+    for part in leads_text(found):
+        prose.print(part)
+
+
+def card_text(shown: Card, width: int) -> Iterator[Printed]:
+    """Yield the card of an exam, with its diagnoses and flags, from top to bottom.
+
+    Args:
+        shown: the card.
+        width: of the terminal, in letters.
+    """
+    yield line((shown.learner, "title"), (f"  {shown.terms}", "quiet"))
+    yield VisibleText(shown.lead, style="title")
+    for text, style in ((shown.advice, ""), (shown.passed, "quiet")):
+        if text:
+            yield VisibleText(text, style=style)
+    yield ""
+    yield _strips(shown, width)
+    yield VisibleText(KEY, style="quiet")
+    for each in shown.diagnoses:
+        yield ""
+        yield line(("diagnosis ", "warn"), (each["message"], "title"))
+        facts = (("", "; ".join(each["evidence"])), *((head, each[head]) for head in ("cause", "try", "source")))
+        table = Columns("", "", fold=(1,), styles=("quiet",), gap=1)
+        for head, words in facts:
+            table.add_row(f"  {head}", VisibleText(words, style="" if head else "quiet"))
+        yield table
+    if shown.flags:
+        yield ""
+    for flag in shown.flags:
+        yield line((flag.kind, "bad"), f"  {flag.words}")
+    if shown.laws:
+        yield ""
+        yield _laws(shown.laws)
+    for text in shown.notes:
+        yield VisibleText(text, style="quiet")
+    yield ""
+    yield VisibleText(shown.facts["Cost"], style="quiet")
+
+
+def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
+    """Return a row for each law: the tasks that it was tried on, and those where it is broken."""
+    table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
+    for law in dict.fromkeys(score["law"] for score in scores):
+        own = [score for score in scores if score["law"] == law]
+        tried = [score for score in own if score["error"] is None]
+        texts = []
+        for score in tried:
+            if score["broken"]:
+                name = short_name(score["task"])
+                texts.append(f"{name} {score['printed']:.2f} → {score['changed']:.2f} (p = {score['p_value']:.2g})")
+        if len(tried) < len(own):
+            errors = [score["error"].splitlines()[0] for score in own if score["error"] is not None]
+            texts.append(f"not tried on {plural(len(errors), 'task')}: {errors[0]}")
+        if texts:
+            text = VisibleText("; ".join(texts), style="warn")
+        else:
+            text = VisibleText("no", style="quiet")
+        table.add_row(law, str(len(tried)), text)
+    return table
+
+
+def _strips(shown: Card, width: int) -> Columns:
+    """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass."""
+    forms = forms_of(shown.rows)
+    heads = [form.replace(" ", "\n") for form in forms]
+    names = max((len(row.name) for row in shown.rows), default=0)
+    taken = 5 + names + sum(2 + max(map(len, head.split())) for head in heads) + 7
+    marks = min(max((width - taken) // 2 * 2 - 1, NARROWEST), WIDEST)
+    half = marks // 2
+    header = f"−1{'0':>{half - 1}}{'1':>{half}}"
+    if half > len("random expert"):
+        header = f"{'worse':<{half - 2}}random{'expert':>{half - 3}}"
+    last = 3 + len(forms)
+    table = Columns(
+        "", "", header, *heads, "seeds\npass", right=range(3, last + 1), names=1,
+        spare=(last, *(3 + forms.index(form) for form in (SAMPLED, FIXED) if form in forms)),
+    )  # fmt: skip
+    for row in shown.rows:
+        style = GRADES.get(row.grade or "fails", "bad")
+        numbers = [VisibleText(row.forms[form].words, style=style if form == PUBLISHED else "") for form in forms]
+        table.add_row(VisibleText(row.sign, style=style), row.name, _strip(row, marks, style), *numbers, row.passed)
+    return table
+
+
+def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
+    """Return the scores of a task as marks on an axis: relabelled ○ joined to published ●, and | for the best fixed action."""
+
+    def place(score: float) -> int:
+        share = (min(max(score, FLOOR), 1.0) - FLOOR) / (1.0 - FLOOR)
+        return round(share * (width - 1))
+
+    cells = [" "] * (width // 2) + ["·"] * (width - width // 2)
+    styles = ["quiet"] * width
+    cells[place(0.0)] = "│"
+    cells[min(place(MASTERED), width - 2)] = "┊"
+    means = row.means
+    if FIXED in means:
+        cells[place(means[FIXED])] = "|"
+    ends = sorted(place(means[form]) for form in (PUBLISHED, RELABELLED) if form in means)
+    for i in range(ends[0], ends[-1] + 1) if len(ends) == 2 else ():
+        cells[i] = "─"
+        styles[i] = style
+    for form, mark in ((RELABELLED, "○"), (PUBLISHED, "●")):
+        if form in means:
+            cells[place(means[form])] = mark if means[form] >= FLOOR else "◂"
+            styles[place(means[form])] = style
+    text = VisibleText()
+    for cell, own in zip(cells, styles, strict=True):
+        text.append(cell, own)
+    return text
+
+
+def matrix_text(found: LearnerMatrix) -> Columns:
+    """Return learners and tasks as a matrix of scores and diagnoses."""
+    table = Columns("", *found.tasks, right=range(1, len(found.tasks) + 1), styles=("name",), names=0)
+    for name, cells in zip(found.learners, found.cells, strict=True):
+        words = []
+        for cell in cells:
+            style = GRADES.get(cell.grade or "", "quiet")
+            below = f"\n{cell.word}" if cell.word else ""
+            words.append(line((cell.printed.words or "·", style), (below, "quiet")))
+        table.add_row(name, *words)
+    return table
+
+
+def leads_text(found: LearnerMatrix) -> Iterator[Printed]:
+    """Yield what is wrong with each learner, and its flags."""
+    for name, own in zip(found.learners, found.cards.values(), strict=True):
+        yield line((name, "name"), f"  {own.lead} ", (own.advice, "quiet"))
+        for flag in own.flags:
+            yield line(("  " + flag.kind, "bad"), f"  {flag.words}")
+
+
+def comparison_text(found: LearnersComparison) -> Iterator[Printed]:
+    """Yield numbers over all runs of learners, and the chance that one is better than another."""
+    table = Columns(
+        "", "IQM [95 %]", "above 0.5", "above 0.9", "steps to 0.9", right=range(1, 5), styles=("name",), names=0
+    )
+    for row in lines(found):
+        table.add_row(*row)
+    yield table
+    for pair in found["pairs"]:
+        chance = pair["probability"]
+        shown = f"{fixed(chance['value'], 2)} {interval(chance['low'], chance['high'])}"
+        yield VisibleText(f"P({pair['first']} > {pair['second']}) = {shown} for a run of each on the same task")
