@@ -48,42 +48,42 @@ def audit(
     with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"), progress("audit"):
         subject = Subject(env, given)
         if replay is None:
-            found = examined(subject, seconds)
+            report = examined(subject, seconds)
     if replay is not None:
         _replay(subject, replay)
         return
     if json:
-        write_json(found.record())
+        write_json(report.record())
     else:
-        _print(found)
-    if found.faults:
+        _print(report)
+    if report.faults:
         raise typer.Exit(1)
 
 
 def _kwargs(text: str) -> dict[str, Any]:
     try:
-        found = json_text.loads(text)
+        given = json_text.loads(text)
     except ValueError:
-        found = None
-    if not isinstance(found, dict):
+        given = None
+    if not isinstance(given, dict):
         raise misuse(f"--kwargs is a JSON object, not {text}", "for example --kwargs '{\"size\": 5}'")
-    return found
+    return given
 
 
-def _print(found: Audit) -> None:
+def _print(report: Audit) -> None:
     out = console()
-    out.print(line((found.name, "name"), (f"  {found.size}", "quiet")))
+    out.print(line((report.name, "name"), (f"  {report.size}", "quiet")))
     table = Columns("", "", styles=("quiet",), fold=(1,))
-    for name, words in found.values:
+    for name, words in report.values:
         table.add_row(f"  {name}", words)
     out.print(table)
     for kind, style in (("fault", "bad"), ("fact", "value")):
-        for entry in found.of(kind):
-            out.print(line((f"{kind} ", style), (f"{entry.check.name}: ", "title"), entry.found.words))
+        for entry in report.of(kind):
+            out.print(line((f"{kind} ", style), (f"{entry.check.name}: ", "title"), entry.finding.words))
             if entry.trace:
                 say(f"  --replay '{entry.trace}'")
-    count = plural(len(found.faults), "fault")
-    out.print(line((count if found.faults else "no faults", "bad" if found.faults else "good")))
+    count = plural(len(report.faults), "fault")
+    out.print(line((count if report.faults else "no faults", "bad" if report.faults else "good")))
 
 
 def _replay(subject: Subject, text: str) -> None:

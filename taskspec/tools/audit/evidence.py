@@ -52,7 +52,7 @@ class Evidence:
         self.subject = subject
         self.seconds = seconds
         subject.longest = 0.05 * seconds
-        self.found: dict[str, Any] = {}
+        self.findings: dict[str, Any] = {}
         self.unexamined: list[str] = []
         self.why_not = ""
         self.wrong_P: tuple[str, Trace | None] | None = None
@@ -72,14 +72,14 @@ class Evidence:
     @cached_property
     def episodes(self) -> list[EnvEpisode]:
         """Episodes of random actions, each in an instance of its own."""
-        found: list[EnvEpisode] = []
+        episodes: list[EnvEpisode] = []
         end = self.until(0.05)
         for seed in range(EPISODES):
             tell(f"episode {seed + 1}")
-            found.append(self.subject.episode(seed))
-            if end.is_over or sum(len(each.steps) for each in found) > MOST_TOGETHER:
+            episodes.append(self.subject.episode(seed))
+            if end.is_over or sum(len(each.steps) for each in episodes) > MOST_TOGETHER:
                 break
-        return found
+        return episodes
 
     @cached_property
     def all_episodes(self) -> list[EnvEpisode]:
@@ -94,22 +94,22 @@ class Evidence:
         policies: dict[str, Any] = {"random": None}
         for action in self.subject.actions(16) or []:
             policies[str(action)] = action
-        found: dict[str, list[float]] = defaultdict(list)
+        returns: dict[str, list[float]] = defaultdict(list)
         end = self.until(0.15)
         for seed in range(MOST_RETURNS):
             for name, action in policies.items():
                 episode = self.subject.episode(seed, instance, action)
                 if episode.steps[-1].is_last or len(episode.steps) > MOST_STEPS:
-                    found[name].append(sum(step.paid for step in episode.steps))
+                    returns[name].append(sum(step.paid for step in episode.steps))
             tell(f"returns, {seed + 1} episodes each")
             if end.is_over:
                 break
-        return found
+        return returns
 
     @cached_property
     def snapshots(self) -> list[list[Snapshot]]:
         """The states of some episodes, step by step."""
-        found = []
+        states = []
         end = self.until(0.05)
         for episode in self.episodes[:WATCHED]:
             instance = self.subject.make()
@@ -120,8 +120,8 @@ class Evidence:
                 seen.append(snapshot(instance.env))
                 if end.is_over:
                     break
-            found.append(seen)
-        return found
+            states.append(seen)
+        return states
 
     @cached_property
     def counters(self) -> frozenset[Place]:
@@ -135,14 +135,16 @@ class Evidence:
             return self.subject.limit
         lengths = {len(each.actions) for each in self.episodes if each.steps[-1].truncated}
         is_own = len(lengths) == 1 and bool(self.counters) and max(len(e.actions) for e in self.episodes) in lengths
-        return lengths.pop() if is_own else None
+        if not is_own:
+            return None
+        return lengths.pop()
 
     @cached_property
     def last_steps_without_time(self) -> list[tuple[EnvEpisode, EnvStep, EnvStep]]:
         """Episodes with their last step, and with the same step where the counters of steps are those of a reset."""
-        found: list[tuple[EnvEpisode, EnvStep, EnvStep]] = []
+        pairs: list[tuple[EnvEpisode, EnvStep, EnvStep]] = []
         if not self.counters:
-            return found
+            return pairs
         for episode in self.in_time(self.episodes[: 2 * WATCHED]):
             last = episode.steps[-1]
             if last.error or not last.is_last or len(episode.actions) < 2:
@@ -158,8 +160,8 @@ class Evidence:
                     place_value(early.env, place, first.leaves[place])
             except Exception:  # such an object cannot be copied, or is not to be changed
                 return []
-            found.append((episode, instance.step(episode.actions[-1]), early.step(episode.actions[-1])))
-        return found
+            pairs.append((episode, instance.step(episode.actions[-1]), early.step(episode.actions[-1])))
+        return pairs
 
     @cached_property
     def after_the_end(self) -> str | None:
@@ -171,7 +173,10 @@ class Evidence:
         step = self.subject.play((TracePart(episode.seed, (*episode.actions, episode.actions[-1])),))[-1]
         if step.error:
             return step.error
-        return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(step.paid)}"
+        goes = "goes on"
+        if step.terminated:
+            goes = "ends again"
+        return f"{goes}, and pays {decimal(step.paid)}"
 
     @cached_property
     def table(self) -> StateTable | None:
@@ -256,11 +261,11 @@ class Evidence:
         """Returns of the best policy of a table with estimated chance, in the environment itself."""
         assert self.table is not None
         plan = optimal_plan(self.table.model(self.horizon or MOST_STEPS))
-        found: list[float] = []
+        returns: list[float] = []
         end = self.until(0.1)
-        while not end.is_over and len(found) < MOST_RETURNS:
+        while not end.is_over and len(returns) < MOST_RETURNS:
             instance = self.subject.make()
-            step = instance.reset(len(found))
+            step = instance.reset(len(returns))
             total = 0.0
             for t in range(self.horizon or MOST_STEPS):
                 s = self.table.states.get(snapshot(instance.env).key(self.table.ignored), 0)
@@ -268,15 +273,15 @@ class Evidence:
                 total += step.paid
                 if step.is_last:
                     break
-            found.append(total)
-        return found
+            returns.append(total)
+        return returns
 
     @cached_property
     def acting(self) -> list[int]:
         """The states in which some episode acts."""
         assert self.table is not None
-        found: list[int] = np.flatnonzero(self.table.model(self.horizon).acting).tolist()
-        return found
+        acting: list[int] = np.flatnonzero(self.table.model(self.horizon).acting).tolist()
+        return acting
 
     @cached_property
     def entered(self) -> int:
@@ -306,5 +311,5 @@ class Evidence:
         groups: dict[Hashable, list[Any]] = defaultdict(list)
         by_state = [signature(self.rows, self.classes, len(self.classes) - 1, s) for s in self.acting]
         for a, action in enumerate(self.table.actions):
-            groups[tuple(found[a] for found in by_state)].append(action)
+            groups[tuple(each[a] for each in by_state)].append(action)
         return [group for group in groups.values() if len(group) > 1]

@@ -24,7 +24,7 @@ EQUAL = 1e-9
 
 
 @dataclass(frozen=True)
-class Found:
+class AuditFinding:
     """A finding in words, and a trace that shows it, where there is one."""
 
     words: str
@@ -37,27 +37,27 @@ class AuditCheck:
 
     name: str
     kind: Literal["fault", "fact"]
-    look: Callable[[Evidence], Found | None]
+    look: Callable[[Evidence], AuditFinding | None]
 
 
 # -- what every step must keep ----------------------------------------------------------------------------------------
 
 
-def raises(x: Evidence) -> Found | None:
+def raises(x: Evidence) -> AuditFinding | None:
     """Find an exception of the environment."""
     for episode in x.all_episodes:
         if episode.steps[-1].error:
-            return Found(episode.steps[-1].error, episode.trace())
+            return AuditFinding(episode.steps[-1].error, episode.trace())
     return None
 
 
-def outside(x: Evidence) -> Found | None:
+def outside(x: Evidence) -> AuditFinding | None:
     """Find an observation that is not in the observation space."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps):
             why = None if step.error else why_outside(x.subject.observation_space, step.observation)
             if why:
-                return Found(f"at t = {t} the observation {why}", episode.trace(t))
+                return AuditFinding(f"at t = {t} the observation {why}", episode.trace(t))
     return None
 
 
@@ -88,7 +88,7 @@ def why_outside(space: Any, value: Any) -> str | None:
     return None if space.contains(value) else f"{shown(value)} is not in {space}"
 
 
-def reward_type(x: Evidence) -> Found | None:
+def reward_type(x: Evidence) -> AuditFinding | None:
     """Find a reward that is no finite number, or an end that is no truth value."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps[1:], 1):
@@ -96,17 +96,19 @@ def reward_type(x: Evidence) -> Found | None:
                 break
             is_number = isinstance(step.reward, int | float | np.integer | np.floating) and np.isfinite(step.reward)
             if not is_number:
-                return Found(
+                return AuditFinding(
                     f"at t = {t} the reward is {shown(step.reward)}, which is no finite number", episode.trace(t)
                 )
             for name in ("terminated", "truncated"):
                 value = getattr(step, name)
                 if not isinstance(value, bool | np.bool_):
-                    return Found(f"at t = {t} `{name}` is {shown(value)}, which is no truth value", episode.trace(t))
+                    return AuditFinding(
+                        f"at t = {t} `{name}` is {shown(value)}, which is no truth value", episode.trace(t)
+                    )
     return None
 
 
-def mutated(x: Evidence) -> Found | None:
+def mutated(x: Evidence) -> AuditFinding | None:
     """Find an observation or info that is changed after it was returned."""
     for episode in x.episodes:
         for t, step in enumerate(episode.steps):
@@ -114,38 +116,38 @@ def mutated(x: Evidence) -> Found | None:
             if not step.error and (is_changed or frozen(step.info) != step.seen_info):
                 name = "observation" if is_changed else "info"
                 words = f"the {name} of t = {t} is changed by later steps; return a copy"
-                return Found(words, episode.trace(t + 1))
+                return AuditFinding(words, episode.trace(t + 1))
     return None
 
 
 # -- what repetitions must keep ---------------------------------------------------------------------------------------
 
 
-def not_reproducible(x: Evidence) -> Found | None:
+def not_reproducible(x: Evidence) -> AuditFinding | None:
     """Find an episode that differs when it is repeated with the same seed in a new instance."""
     for episode in x.in_time(x.episodes):
         t = first_difference(episode.steps, x.subject.play(episode.trace(), world=episode.seed + 1))
         if t is not None:
-            return Found(f"the same seed and actions give something else at t = {t}", episode.trace(t))
+            return AuditFinding(f"the same seed and actions give something else at t = {t}", episode.trace(t))
     return None
 
 
-def kept_by_reset(x: Evidence) -> Found | None:
+def kept_by_reset(x: Evidence) -> AuditFinding | None:
     """Find an episode that depends on the episodes before it."""
-    if "same seed" in x.found:
+    if "same seed" in x.findings:
         return None
     for before, episode in x.in_time(pairwise(x.episodes)):
         trace = (*before.trace(), *episode.trace())
         t = first_difference(episode.steps, x.subject.play(trace)[len(before.steps) :])
         if t is not None:
             words = f"after another episode, the same seed and actions give something else at t = {t}"
-            return Found(words, (*before.trace(), *episode.trace(t)))
+            return AuditFinding(words, (*before.trace(), *episode.trace(t)))
     return None
 
 
-def shared(x: Evidence) -> Found | None:
+def shared(x: Evidence) -> AuditFinding | None:
     """Find an episode that depends on what another instance does meanwhile."""
-    if "same seed" in x.found:
+    if "same seed" in x.findings:
         return None
     for other, episode in x.in_time(pairwise(x.episodes)):
         trace = (*episode.trace(0), replace(other.trace()[0], instance="b"), TracePart(None, episode.actions))
@@ -153,71 +155,80 @@ def shared(x: Evidence) -> Found | None:
         t = first_difference(episode.steps, [steps[0], *steps[1 + len(other.steps) :]])
         if t is not None:
             short = (*trace[:2], TracePart(None, episode.actions[:t]))
-            return Found(f"another instance changes what the same seed and actions give at t = {t}", short)
+            return AuditFinding(f"another instance changes what the same seed and actions give at t = {t}", short)
     return None
 
 
 # -- ends -------------------------------------------------------------------------------------------------------------
 
 
-def ends_by_time(x: Evidence) -> Found | None:
+def ends_by_time(x: Evidence) -> AuditFinding | None:
     """Find a termination that the time alone causes, where the time is not observed."""
-    caused = [found for found in x.last_steps_without_time if found[1].terminated and not found[2].terminated]
-    if not caused or any(step.seen != early.seen for _, step, early in caused):
+    caused = []
+    for episode, step, early in x.last_steps_without_time:
+        if step.terminated and not early.terminated:
+            if step.seen != early.seen:
+                return None
+            caused.append(episode)
+    if not caused:
         return None
-    episode = caused[0][0]
+    episode = caused[0]
     words = f"step {len(episode.actions)} is terminated by a counter of steps that is not observed: it is a truncation"
-    return Found(words, episode.trace())
+    return AuditFinding(words, episode.trace())
 
 
-def truncated_by_state(x: Evidence) -> Found | None:
+def truncated_by_state(x: Evidence) -> AuditFinding | None:
     """Find a truncation that the time does not cause."""
     for episode, step, early in x.last_steps_without_time:
         if step.truncated and not step.terminated and early.truncated:
-            return Found(f"step {len(episode.actions)} is truncated by the state, not by the time", episode.trace())
+            return AuditFinding(
+                f"step {len(episode.actions)} is truncated by the state, not by the time", episode.trace()
+            )
     return None
 
 
 # -- what tables show -------------------------------------------------------------------------------------------------
 
 
-def table_disagrees(x: Evidence) -> Found | None:
+def table_disagrees(x: Evidence) -> AuditFinding | None:
     """Find a step that the environment's own `P` does not have."""
-    if x.table is None and not x.wrong_P:
+    if x.table is None and x.wrong_P is None:
         return None
-    return Found(*x.wrong_P) if x.wrong_P else None
+    if x.wrong_P is None:
+        return None
+    return AuditFinding(*x.wrong_P)
 
 
-def unsolvable(x: Evidence) -> Found | None:
+def unsolvable(x: Evidence) -> AuditFinding | None:
     """Find that all policies earn the same."""
     if x.solved is None or x.table is None or x.table.by_time or x.solved.best - x.solved.worst > EQUAL:
         return None
-    return Found(f"nothing can be learned: every policy earns {decimal(x.solved.best)}")
+    return AuditFinding(f"nothing can be learned: every policy earns {decimal(x.solved.best)}")
 
 
-def one_action(x: Evidence) -> Found | None:
+def one_action(x: Evidence) -> AuditFinding | None:
     """Find that one action is optimal everywhere."""
-    found = x.solved
-    if found is None or found.best - found.random <= EQUAL * max(1.0, abs(found.best)):
+    values = x.solved
+    if values is None or values.best - values.random <= EQUAL * max(1.0, abs(values.best)):
         return None
-    for action, value in zip(x.subject.actions() or [], found.constant, strict=True):
-        if value >= found.best - EQUAL * max(1.0, abs(found.best)):
+    for action, value in zip(x.subject.actions() or [], values.constant, strict=True):
+        if value >= values.best - EQUAL * max(1.0, abs(values.best)):
             trace = x.subject.episode(0, repeat=action).trace()
-            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}", trace)
+            return AuditFinding(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}", trace)
     return None
 
 
-def nothing_told_apart(x: Evidence) -> Found | None:
+def nothing_told_apart(x: Evidence) -> AuditFinding | None:
     """Find that all episodes of a large environment earned the same."""
     if x.solved is not None:
         return None
     returns = {round(value, 9) for values in x.returns.values() for value in values}
     if len(returns) != 1:
         return None
-    return Found(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
+    return AuditFinding(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
 
 
-def hidden_state(x: Evidence) -> Found | None:
+def hidden_state(x: Evidence) -> AuditFinding | None:
     """Find two states with the same observation and different futures."""
     table = x.table
     if table is None or x.classes is None:
@@ -228,10 +239,10 @@ def hidden_state(x: Evidence) -> Found | None:
     actions = [table.actions[a] for a in apart(x.rows, x.classes, *pair)]
     after = "after the same action" if len(actions) == 1 else f"after the same {len(actions)} actions"
     words = f"{shown(table.shown[pair[0]])} is observed in two states, which differ {after}: it is a POMDP"
-    return Found(words, _traces(x, pair, actions))
+    return AuditFinding(words, _traces(x, pair, actions))
 
 
-def hidden_reward(x: Evidence) -> Found | None:
+def hidden_reward(x: Evidence) -> AuditFinding | None:
     """Find two states with the same observation that pay differently for the same action."""
     table = x.table
     if table is None or x.classes is None:
@@ -242,7 +253,7 @@ def hidden_reward(x: Evidence) -> Found | None:
         if pair is not None:
             one, other = (", ".join(map(decimal, sorted(paid[s] or ()))) for s in pair)
             words = f"{shown(table.shown[pair[0]])} is observed, and action {shown(action)} pays {one} or {other}"
-            return Found(words, _traces(x, pair, [action]))
+            return AuditFinding(words, _traces(x, pair, [action]))
     return None
 
 
@@ -258,53 +269,53 @@ def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
 
 
 def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
-    found: list[TracePart] = []
+    parts: list[TracePart] = []
     for s in pair:
         trace = x.table.traces[s] if x.table is not None else None
         if trace is None:
             return None
-        found.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
-    return tuple(found)
+        parts.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
+    return tuple(parts)
 
 
-def by_time(x: Evidence) -> Found | None:
+def by_time(x: Evidence) -> AuditFinding | None:
     """Find a reward or an end that depends on the time."""
     if x.table is None or x.table.by_time is None:
         return None
     s, a, trace = x.table.by_time
     words = f"the reward or the end depends on the time: in {shown(x.table.shown[s])}, for action {shown(x.table.actions[a])}"
-    return Found(words, trace)
+    return AuditFinding(words, trace)
 
 
-def same_actions(x: Evidence) -> Found | None:
+def same_actions(x: Evidence) -> AuditFinding | None:
     """Find actions that do the same in every state."""
     groups = x.equal_actions()
     if not groups:
         return None
     listed = "; ".join(", ".join(map(shown, group)) for group in groups)
-    return Found(f"these actions do the same in every state: {listed}")
+    return AuditFinding(f"these actions do the same in every state: {listed}")
 
 
-def unreached(x: Evidence) -> Found | None:
+def unreached(x: Evidence) -> AuditFinding | None:
     """Find declared states that no episode enters."""
     if x.table is None or x.table.declared is None:
         return None
     count = x.table.declared - x.entered
     if count <= 0:
         return None
-    return Found(f"no episode enters {plural(count, 'state')} of {x.table.declared:,}")
+    return AuditFinding(f"no episode enters {plural(count, 'state')} of {x.table.declared:,}")
 
 
-def gymnasium_check(x: Evidence) -> Found | None:
-    """Find what Gymnasium's own checker raises, where nothing else was found."""
-    if x.found:
+def gymnasium_check(x: Evidence) -> AuditFinding | None:
+    """Find what Gymnasium's own checker raises, where no other check has a finding."""
+    if x.findings:
         return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             check_env(x.subject.make().env, skip_render_check=True)
     except Exception as error:
-        return Found(f"Gymnasium's check_env: {' '.join(str(error).split())[:200]}")
+        return AuditFinding(f"Gymnasium's check_env: {' '.join(str(error).split())[:200]}")
     return None
 
 
@@ -336,10 +347,10 @@ CHECKS = (
 
 @dataclass(frozen=True)
 class Reported:
-    """A check that found something; `trace` is the text that shows it."""
+    """A check with its finding; `trace` is the text that shows it."""
 
     check: AuditCheck
-    found: Found
+    finding: AuditFinding
     trace: str
 
 
@@ -350,7 +361,7 @@ class Audit:
     Attributes:
         size: the number of states and actions, or why there is no table.
         values: returns by name, in words.
-        entries: what was found.
+        entries: the findings.
         numbers: the same returns as numbers.
     """
 
@@ -369,11 +380,11 @@ class Audit:
 
     def record(self) -> dict[str, Any]:
         """Return the audit as plain data."""
-        found = [
-            {"kind": e.check.kind, "name": e.check.name, "words": e.found.words, "trace": e.trace or None}
+        findings = [
+            {"kind": e.check.kind, "name": e.check.name, "words": e.finding.words, "trace": e.trace or None}
             for e in self.entries
         ]
-        return {"environment": self.name, "size": self.size, **self.numbers, "findings": found}
+        return {"environment": self.name, "size": self.size, **self.numbers, "findings": findings}
 
 
 def examined(subject: Subject, seconds: float) -> Audit:
@@ -383,10 +394,11 @@ def examined(subject: Subject, seconds: float) -> Audit:
     for check in CHECKS:
         tell(check.name)
         try:
-            found = check.look(x)
-            if found is not None:
-                entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
-                x.found[check.name] = found
+            finding = check.look(x)
+            if finding is None:
+                continue
+            entries.append(Reported(check, finding, subject.text(finding.trace or ())))
+            x.findings[check.name] = finding
         except Exception as error:  # of an object that does what none should
             x.unexamined.append(f"{check.name} ({type(error).__name__}: {error})")
     values, numbers = _values(x)
@@ -407,7 +419,8 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     numbers: dict[str, Any] = {}
     sampled: dict[str, list[float]] = {}
     if x.solved is None or x.table is None:
-        sampled = {name if name == "random" else f"action {name}": found for name, found in x.returns.items()}
+        for name, returns in x.returns.items():
+            sampled["random" if name == "random" else f"action {name}"] = returns
     elif x.table.by_time is not None:
         numbers["optimal, if rewards were those of the first visit"] = x.solved.best
         sampled = {"random": x.returns["random"]}
@@ -422,10 +435,10 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
         if not returns:
             words.append((name, "no whole episode in this time"))
             continue
-        found = Return.estimated(returns)
-        mean, half = estimate(found.value, found.half)
-        words.append((name, f"{mean} ± {half} (95 %, {plural(found.episodes, 'episode')})"))
-        numbers[name] = {"mean": found.value, "interval": list(found.interval()), "episodes": found.episodes}
+        sample = Return.estimated(returns)
+        mean, half = estimate(sample.value, sample.half)
+        words.append((name, f"{mean} ± {half} (95 %, {plural(sample.episodes, 'episode')})"))
+        numbers[name] = {"mean": sample.value, "interval": list(sample.interval()), "episodes": sample.episodes}
     if x.unexamined:
         words.append(("not examined", "; ".join(x.unexamined)))
     if x.after_the_end:

@@ -51,22 +51,22 @@ def _is_below(place: Place, ignored: frozenset[Place]) -> bool:
 
 def snapshot(env: Any) -> Snapshot:
     """Return what an environment and its wrappers hold."""
-    found = Snapshot()
+    contents = Snapshot()
     seen: set[int] = set()
     waiting: deque[tuple[Place, Any]] = deque([((), env)])
     while waiting:
         place, value = waiting.popleft()
         if _is_leaf(value):
-            found.leaves[place] = _plain(value)
+            contents.leaves[place] = _plain(value)
         elif not isinstance(value, SKIPPED) and id(value) not in seen:
             seen.add(id(value))
             if isinstance(value, GENERATORS):
-                found.generators.append(value)
+                contents.generators.append(value)
                 continue
             if isinstance(value, list | tuple | deque | set | frozenset | Mapping):
-                found.leaves[*place, LENGTH] = len(value)
+                contents.leaves[*place, LENGTH] = len(value)
             waiting.extend(((*place, step), inner) for step, inner in _inside(value))
-    return found
+    return contents
 
 
 def _is_leaf(value: Any) -> bool:
@@ -157,7 +157,8 @@ def _places(episodes: Iterable[list[Snapshot]], wanted: Any) -> frozenset[Place]
             is_number = all(isinstance(value, int | float) for value in values)
             steps = [round(b - a, 9) for a, b in pairwise(values)] if is_number else []
             verdicts[place] = verdicts.get(place, True) and is_number and wanted(steps)
-    return frozenset(place[:-1] if place[-1] == LENGTH else place for place, found in verdicts.items() if found)
+    places = [place for place, is_wanted in verdicts.items() if is_wanted]
+    return frozenset(place[:-1] if place[-1] == LENGTH else place for place in places)
 
 
 def place_value(env: Any, place: Place, value: Any) -> None:

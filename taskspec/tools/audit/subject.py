@@ -223,12 +223,12 @@ class Subject:
         at = 0
         try:
             while text[at:].strip():
-                found = _PART.match(text, at)
-                if found is None:
+                head = _PART.match(text, at)
+                if head is None:
                     raise ValueError("a part is missing")
-                actions, at = json.JSONDecoder().raw_decode(text, found.end())
-                seed = int(found[2]) if found[2] else None
-                parts.append(TracePart(seed, tuple(self.action_space.from_jsonable(actions)), found[1]))
+                actions, at = json.JSONDecoder().raw_decode(text, head.end())
+                seed = int(head[2]) if head[2] else None
+                parts.append(TracePart(seed, tuple(self.action_space.from_jsonable(actions)), head[1]))
         except (ValueError, TypeError) as error:
             hint = "a seed and actions, such as 3:[0,1]; letters name instances: a3:[0] b4:[1] a:[0]"
             raise spec_error("E713", f"'{text}' is not a trace: {error}", hint) from None

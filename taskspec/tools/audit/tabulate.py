@@ -1,7 +1,7 @@
 """Small environments as tables: by their `P`, or by copies of their objects from every state with every action.
 
-Chance is found in `P`, or estimated: where a step draws, it is repeated with other seeds. A table is compared with episodes
-before it is used; what the object does not hold, or depends on the time, is found so.
+Chance is read from `P`, or estimated: where a step draws, it is repeated with other seeds. A table is compared with episodes
+before it is used, which shows whether something is not in the object, or depends on the time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from taskspec.tools.audit.subject import Deadline, EnvEpisode, EnvInstance, EnvS
 
 MOST_STATES = 20_000
 STARTS = 300
-"""Resets from which first states are found."""
+"""Resets that show first states."""
 REPEATS = 100
 """Steps from which the outcomes of a step that draws are estimated."""
 ALIKE = 20
@@ -45,7 +45,7 @@ class StateTable:
         start: first states with their probabilities.
         traces: how each state was first reached; None for those of `P`.
         drawn: states and actions whose probabilities are estimated.
-        is_start_estimated: whether first states were found by resets.
+        is_start_estimated: whether first states are those of some resets.
         declared: the number of states that `P` or the observation space declares.
         states: the numbers of states by their keys, in which what is `ignored` is left out.
         by_time: a state and an action whose reward or end is another one at another time, with an episode that shows it.

@@ -102,8 +102,8 @@ def test_estimated_chance_is_near_the_right_one() -> None:
 def test_a_hidden_state_is_shown_by_two_episodes_that_look_alike() -> None:
     subject = Subject(f"{PLACE}:HiddenState", {})
     entry = next(e for e in examined(subject, 20.0).entries if e.check.name == "hidden state")
-    assert entry.found.trace is not None
-    one, other = entry.found.trace
+    assert entry.finding.trace is not None
+    one, other = entry.finding.trace
     ends = [subject.play((part,))[-1] for part in (one, other)]
     assert ends[0].outcome != ends[1].outcome
     lengths = [len(part.actions) for part in (one, other)]
@@ -118,9 +118,9 @@ def test_a_hidden_state_is_shown_by_two_episodes_that_look_alike() -> None:
 def test_traces_are_texts_that_can_be_read_again(planted: type) -> None:
     subject = Subject(f"{PLACE}:{planted.__name__}", {})
     entry = next(e for e in examined(subject, 20.0).entries if e.check.name == PLANTED[planted])
-    assert entry.found.trace is not None
+    assert entry.finding.trace is not None
     again = subject.read(entry.trace)
-    outcomes = [[step.outcome for step in subject.play(trace)] for trace in (again, entry.found.trace)]
+    outcomes = [[step.outcome for step in subject.play(trace)] for trace in (again, entry.finding.trace)]
     assert outcomes[0] == outcomes[1]
 
 
@@ -163,7 +163,7 @@ def test_a_step_that_hangs_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subjects, "PATIENCE", 0.2)
     found = audit(f"{PLACE}:Hangs", 5.0)
     (fault,) = found.faults
-    assert "takes longer than 0.2 s" in fault.found.words
+    assert "takes longer than 0.2 s" in fault.finding.words
 
 
 def test_equal_observations_are_equal_in_any_form() -> None:
