@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import lzma
 import tarfile
@@ -16,6 +17,10 @@ from taskspec.tools.exchange.tables import FrozenTask
 
 MOST_BYTES = 50_000_000
 """The size of a file, unpacked."""
+CHUNK = 1_000_000
+"""Bytes that are unpacked at a time."""
+COMPRESSIONS: dict[bytes, Callable[[io.BytesIO], Any]] = {b"\x1f\x8b": gzip.open, b"\xfd7zXZ\0": lzma.open}
+"""From the first bytes of a compressed file to the function that opens it."""
 MOST_HEADERS = 1_000_000
 """Bytes of all headers of a tar file: those of about 2,000 members."""
 MOST_LISTED = 5
@@ -39,19 +44,16 @@ class ForeignFile:
 
     def unpacked(self) -> bytes:
         """Return the content without the compression of gzip or xz; no more of it is unpacked than is allowed."""
-        stream: Any
-        if self.content.startswith(b"\x1f\x8b"):
-            stream = zlib.decompressobj(wbits=31)
-        elif self.content.startswith(b"\xfd7zXZ\0"):
-            stream = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=2 * MOST_BYTES)
-        else:
+        opened = next((COMPRESSIONS[magic] for magic in COMPRESSIONS if self.content.startswith(magic)), None)
+        if opened is None:
             return self.content
-        data: bytes = stream.decompress(self.content, MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            self.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
-        if not stream.eof:
-            self.wrong("it ends too early")
-        return data
+        data = bytearray()
+        with opened(io.BytesIO(self.content)) as stream:
+            while chunk := stream.read(CHUNK):
+                data += chunk
+                if len(data) > MOST_BYTES:
+                    self.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
+        return bytes(data)
 
     def members(self) -> dict[str, bytes]:
         """Return the files of a tar file, by name."""

@@ -152,7 +152,7 @@ def test_a_hostile_file_is_refused_before_it_costs_memory(name: str, how: str) -
     finally:
         tracemalloc.stop()
     assert message in said
-    assert peak < 2.5 * MOST_BYTES
+    assert peak < 1.3 * MOST_BYTES
 
 
 class Harmful:
