@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from queue import LifoQueue
 from typing import Any, NamedTuple
 
-from loky import ProcessPoolExecutor
+from loky import ProcessPoolExecutor, cpu_count
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
@@ -77,25 +76,11 @@ def _executor() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(1, timeout=IDLE, env=environment, initializer=begin, initargs=(os.getpid(),))
 
 
-def processors() -> int:
-    """Return how many processors this process may use: those of its affinity, or fewer where a container has fewer."""
-    if hasattr(os, "sched_getaffinity"):
-        affinity = len(os.sched_getaffinity(0))
-    else:
-        affinity = os.cpu_count() or 1
-    try:
-        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
-        granted = -(-int(quota) // int(period))
-    except (OSError, ValueError):  # there is no container, or no limit ("max")
-        return affinity
-    return max(1, min(affinity, granted))
-
-
 class Workers:
     """Processes of this machine that do many rounds of calls, as a context; a call that hangs or crashes costs itself alone."""
 
     def __init__(self, count: int | None = None) -> None:
-        self.count = count or processors()
+        self.count = count or cpu_count()
         self._threads = ThreadPoolExecutor(self.count)
         self._workers: list[_Worker] = []
         self._free: LifoQueue[_Worker] = LifoQueue()
