@@ -18,8 +18,8 @@ from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.exact.model.model import Model
+    from taskspec.exact.tables.frozen_task import FrozenTask
     from taskspec.language.task.task import Task
-    from taskspec.tools.exchange.tables import FrozenTask
 
 FORMATS = ("umb", "gym-p", "npz")
 ExportFormat = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
@@ -106,8 +106,8 @@ def import_(
     The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
     an environment is made by [green]gymnasium.make[/].
     """
+    from taskspec.exact.tables.spec_text import spec_text
     from taskspec.tools.exchange.importing import imported
-    from taskspec.tools.exchange.spec_text import spec_text
 
     task = imported(source, format, name, horizon)
     write_output(spec_text(task), output)

@@ -75,9 +75,9 @@ def separate(
 
 def _report(separation: Separation, family: str, output: Path, json: bool) -> None:
     """Print the result of a search, and write its spec."""
+    from taskspec.exact.tables.frozen_task import FrozenTask
+    from taskspec.exact.tables.spec_text import spec_text
     from taskspec.learn.experiments.separate import finding
-    from taskspec.tools.exchange.spec_text import spec_text
-    from taskspec.tools.exchange.tables import FrozenTask
 
     if json:
         write_json(_record(separation))
@@ -107,8 +107,8 @@ def _report(separation: Separation, family: str, output: Path, json: bool) -> No
 
 def _record(separation: Separation) -> dict[str, Any]:
     """Return the result of a search as JSON data; its task as a spec, or by its id."""
-    from taskspec.tools.exchange.spec_text import spec_text
-    from taskspec.tools.exchange.tables import FrozenTask
+    from taskspec.exact.tables.frozen_task import FrozenTask
+    from taskspec.exact.tables.spec_text import spec_text
 
     names = ("worse", "better", "scores", "p_value", "tried", "path", "is_complete")
     record: dict[str, Any] = {name: getattr(separation, name) for name in names}
@@ -137,9 +137,9 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
+    from taskspec.exact.tables.freeze import freeze as frozen
+    from taskspec.exact.tables.spec_text import spec_text
     from taskspec.language.targets import task_of
-    from taskspec.tools.exchange.freeze import freeze as frozen
-    from taskspec.tools.exchange.spec_text import spec_text
 
     given = list(parameters or [])
     if seed is not None:

@@ -11,6 +11,9 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import also
 from taskspec.exact.policies.values import observed_value
 from taskspec.exact.scores.returns import Results
+from taskspec.exact.tables.freeze import freeze
+from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.language import registry
 from taskspec.language.source import read_text
 from taskspec.language.task.schema.experiments import Sample
@@ -24,9 +27,6 @@ from taskspec.learn.experiments.experiment_file import ExperimentFile, described
 from taskspec.learn.experiments.instances import Instance, expand
 from taskspec.learn.experiments.references import monte_carlo, q_learning
 from taskspec.learn.learners import CannotLearn
-from taskspec.tools.exchange.freeze import freeze
-from taskspec.tools.exchange.spec_text import task_of_tables
-from taskspec.tools.exchange.tables import FrozenTask
 
 EPISODES = 1000
 """Of policies whose returns cannot be computed."""

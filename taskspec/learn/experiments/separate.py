@@ -19,14 +19,14 @@ from taskspec.base.display import fixed, interval
 from taskspec.base.jobs.engines import Workers
 from taskspec.base.limits import written as written_limits
 from taskspec.exact.rollout.statistics import ALARM, Difference, differences, seeds_interval
+from taskspec.exact.tables.freeze import freeze
+from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.learn.experiments import races
 from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.races import Contestant, Subject
 from taskspec.learn.experiments.shrink import shrink
-from taskspec.tools.exchange.freeze import freeze
-from taskspec.tools.exchange.spec_text import task_of_tables
-from taskspec.tools.exchange.tables import FrozenTask
 
 KEPT_GAP = 0.7
 """The share of a difference that a smaller task keeps."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from taskspec.exact.solve.outcomes import Number, Outcome
-from taskspec.tools.exchange.tables import FrozenTask, Rows, visited
+from taskspec.exact.tables.frozen_task import FrozenTask, Rows, visited
 
 Holds = Callable[[Sequence[FrozenTask]], Sequence[bool]]
 """From several tasks to whether what matters holds on each of them."""

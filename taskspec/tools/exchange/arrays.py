@@ -12,9 +12,9 @@ import numpy as np
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.exact.solve.outcomes import Outcome
+from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.tools.exchange.assembling import Contents, Row, assembled
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded
-from taskspec.tools.exchange.tables import FrozenTask
 
 COLUMNS = {
     "state": "<i8",

@@ -9,8 +9,8 @@ from fractions import Fraction
 
 from taskspec.base.limits import limits
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
+from taskspec.exact.tables.frozen_task import FrozenTask, plain_names
 from taskspec.tools.exchange.reading import ForeignFile, listed
-from taskspec.tools.exchange.tables import FrozenTask, plain_names
 
 MOST_ROWS = 100_000
 """Pairs of a state and an action."""

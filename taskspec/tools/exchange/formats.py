@@ -12,13 +12,13 @@ from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
 from taskspec.exact.solve.outcomes import LARGEST_TABLE
+from taskspec.exact.tables.freeze import tables
+from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb
-from taskspec.tools.exchange.freeze import tables
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded
 from taskspec.tools.exchange.settled import property_of, settled, unsettled
-from taskspec.tools.exchange.tables import FrozenTask
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from taskspec.exact.model.model import NoModel
 from taskspec.exact.solve.backward import Greedy, Uniform
 from taskspec.exact.solve.outcomes import Number
 from taskspec.exact.solve.solve import Solvers
+from taskspec.exact.tables.frozen_task import FrozenTask, cleared, plain_names, separated
+from taskspec.exact.tables.spec_text import has_mean_rewards
 from taskspec.tools.exchange.formats import read
 from taskspec.tools.exchange.reading import listed
 from taskspec.tools.exchange.settled import ENDED, PHASE
-from taskspec.tools.exchange.spec_text import has_mean_rewards
-from taskspec.tools.exchange.tables import FrozenTask, cleared, plain_names, separated
 
 NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,59}")
 

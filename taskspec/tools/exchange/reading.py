@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from taskspec.base.diagnostics import SpecError, spec_error
-from taskspec.tools.exchange.tables import FrozenTask
+from taskspec.exact.tables.frozen_task import FrozenTask
 
 MOST_BYTES = 50_000_000
 """The size of a file, unpacked."""

@@ -18,9 +18,9 @@ from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.enclosure import Enclosure, Inexact, Reader, digits
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import Finite, Solver, Solvers
+from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.tools.exchange import umb
 from taskspec.tools.exchange.settled import END, at_random, property_of, settled
-from taskspec.tools.exchange.tables import FrozenTask
 
 MOST_WORK = 20_000_000
 """Outcomes times steps of an episode up to which values are compared as rationals."""

@@ -11,12 +11,12 @@ import pytest
 from taskspec import experiments, load
 from taskspec.exact import Results
 from taskspec.exact.model.extract import extract
+from taskspec.exact.tables.freeze import freeze
+from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.spec_text import spec_text, task_of_tables
 from taskspec.learn.experiments.races import contestant
 from taskspec.learn.experiments.separate import Search
 from taskspec.learn.experiments.shrink import shrink, size
-from taskspec.tools.exchange.freeze import freeze
-from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
-from taskspec.tools.exchange.tables import FrozenTask
 from tests.shared.commands import Done
 
 LEARNERS = """

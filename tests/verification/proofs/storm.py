@@ -5,11 +5,11 @@ from __future__ import annotations
 from fractions import Fraction
 
 from taskspec.exact.solve.outcomes import Outcome
+from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.tools.exchange.settled import END as ENDS
 from taskspec.tools.exchange.settled import property_of
 from taskspec.tools.exchange.storm import is_installed as is_installed
 from taskspec.tools.exchange.storm import solved as solved_by_storm
-from taskspec.tools.exchange.tables import FrozenTask
 from tests.verification.proofs.brute import Rule, Solved, expert, uniform
 from tests.verification.proofs.process import Key, Process, Shares
 

@@ -17,12 +17,12 @@ from taskspec.exact.rules.conditions import condition_over_states
 from taskspec.exact.rules.evaluator import InvalidClaim
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.outcomes import Place, visited_table
+from taskspec.exact.tables.frozen_task import FrozenTask, plain_names, separated
 from taskspec.language.expressions import syntax
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.types import BOOL
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
-from taskspec.tools.exchange.tables import FrozenTask, plain_names, separated
 
 MOST_STATES = 1000
 """The largest number of states of a task that is frozen."""

@@ -10,10 +10,10 @@ from fractions import Fraction
 from taskspec.base.display import small_fraction
 from taskspec.base.limits import limits
 from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.exact.tables.frozen_task import FrozenTask, visited
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.tools.exchange.tables import FrozenTask, visited
 
 PLAIN = 10_000
 """The largest denominator of a float that is written as a fraction."""
