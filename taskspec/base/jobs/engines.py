@@ -1,4 +1,4 @@
-"""Where calls are done: in processes of this machine, by loky, or on a Dask cluster."""
+"""Engines that do calls: processes of this machine, by loky, and Dask clusters."""
 
 from __future__ import annotations
 
