@@ -58,15 +58,16 @@ def separate(
     Many instances of a family are tried, the best of them is tested on fresh seeds, shrunk while the difference holds, and
     tested on fresh seeds again. Ctrl-C ends the search, and keeps the best task so far.
     """
-    from taskspec.learn.experiments.races import contestant, family_of
+    from taskspec.learn.exam.examinee import learner_of
+    from taskspec.learn.experiments.races import family_of
     from taskspec.learn.experiments.separate import Search
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
     tasks = family_of(family)
-    opponent = None if second is None else contestant(second)
+    opponent = None if second is None else learner_of(second)
     search = Search(
-        tasks, contestant(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell
+        tasks, learner_of(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell
     )
     with progress("searching"):
         separation = search.run()

@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +27,35 @@ class Examinee:
     """A learner, and what it says of itself.
 
     Attributes:
-        place: where another process finds it; None for a function that was handed over.
-        train: `train(case)` gives a policy; where it learns `together`, a list of them, one for each seed of the block.
+        name: as it was named.
         learns_from: what it is entitled to.
+        train: `train(case)` gives a policy; where it learns `together`, a list of them, one for each seed of the block. None in
+            another process, which finds it by its place.
+        place: where another process finds it; None for a function that was handed over.
+        together: whether it learns all seeds of a block at once.
         content: a hash of its file and of what that imports from its folder, or of its settings; empty for a function that was
             handed over.
     """
 
     name: str
-    place: str | None
-    train: Callable[[Any], Any]
     learns_from: tuple[Source, ...]
-    together: bool
-    content: str
+    train: Callable[[Any], Any] | None
+    place: str | None = None
+    together: bool = False
+    content: str = ""
+
+    def elsewhere(self) -> Examinee:
+        """Return the learner as another process gets it."""
+        if self.place is None:
+            return self
+        return replace(self, train=None)
+
+    def trainer(self) -> Callable[[Any], Any]:
+        """Return the function that trains; in another process, from its place, as `train_at`."""
+        if self.train is not None:
+            return self.train
+        assert self.place is not None
+        return train_at(self.place, self.content)
 
 
 def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | None = None) -> Examinee:
@@ -74,7 +90,7 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
             hint = f"some of {', '.join(SOURCES)}"
             raise SpecError([Diagnostic("E713", None, f"a learner cannot learn from '{source}'", hint)])
     ordered = tuple(source for source in SOURCES if source in granted)
-    return Examinee(name, place, train, ordered, bool(getattr(train, "together", False)), content)
+    return Examinee(name, ordered, train, place, bool(getattr(train, "together", False)), content)
 
 
 def _is_ours(place: str) -> bool:
@@ -149,7 +165,7 @@ def train_at(place: str, content: str) -> Callable[[Any], Any]:
     found = learner_of(place)
     if found.content != content:
         raise SpecError([Diagnostic("E711", None, f"{place} has changed since the exam began", "run it again")])
-    return found.train
+    return found.trainer()
 
 
 def _forget(path: Path) -> None:

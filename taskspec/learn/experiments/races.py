@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import also
@@ -19,8 +18,8 @@ from taskspec.language.source import read_text
 from taskspec.language.task.schema.experiments import Sample
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.asked_tasks import names_in
-from taskspec.learn.exam.case import Case, ExamTerms, Source
-from taskspec.learn.exam.examinee import learner_of, train_at
+from taskspec.learn.exam.case import Case, ExamTerms
+from taskspec.learn.exam.examinee import Examinee
 from taskspec.learn.exam.learned import Learned
 from taskspec.learn.exam.trial import results_of
 from taskspec.learn.experiments.experiment_file import ExperimentFile, described, read
@@ -52,30 +51,9 @@ Subject = FrozenTask | Instance
 # -- learners -----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Contestant:
-    """A learner, as other processes find it: by its place, or as a function of this package."""
-
-    name: str
-    learns_from: tuple[Source, ...]
-    place: str | None = None
-    content: str = ""
-    function: Callable[[Any], Any] | None = None
-
-
-def contestant(learner: str) -> Contestant:
-    """Return the learner of `file.py:train`, or of a name.
-
-    Raises:
-        SpecError: E710, E711, E713 for what is none.
-    """
-    who = learner_of(learner)
-    return Contestant(learner.rpartition("/")[2], who.learns_from, who.place, who.content)
-
-
 RIGHT = (
-    Contestant("right Q-learning", ("reward",), function=q_learning),
-    Contestant("right Monte-Carlo control", ("reward",), function=monte_carlo),
+    Examinee("right Q-learning", ("reward",), q_learning),
+    Examinee("right Monte-Carlo control", ("reward",), monte_carlo),
 )
 """Learners that master a task on which others can be wrong."""
 
@@ -126,7 +104,7 @@ def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:
 
 
 def race(
-    subject: Subject, contestants: Sequence[Contestant], seeds: Sequence[int], steps: int, limits: str
+    subject: Subject, learners: Sequence[Examinee], seeds: Sequence[int], steps: int, limits: str
 ) -> list[list[float] | None]:
     """Return the scores of learners on one task, each with each seed; None for who cannot learn it, and where nothing can be won.
 
@@ -137,10 +115,10 @@ def race(
         random = results.random
         best = results.optimal or results.expert
         if random is None or best is None or not best.value - random.value > 1e-6:
-            return [None] * len(contestants)
+            return [None] * len(learners)
         unit = best.value - random.value
         found: list[list[float] | None] = []
-        for one in contestants:
+        for one in learners:
             try:
                 returns = [_return(one, results, seed, steps) for seed in seeds]
                 found.append([max(-1.0, (value - random.value) / unit) for value in returns])
@@ -149,14 +127,11 @@ def race(
         return found
 
 
-def _return(one: Contestant, results: Results, seed: int, steps: int) -> float:
+def _return(one: Examinee, results: Results, seed: int, steps: int) -> float:
     """Return the expected return of what a learner learns with a seed."""
-    train = one.function
-    if train is None:
-        assert one.place is not None
-        train = train_at(one.place, one.content)
+    train = one.trainer()
     learned = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
-    if getattr(train, "together", False):
+    if one.together:
         (learned,) = learned
     policy = learned.policy if isinstance(learned, Learned) else learned
     return observed_value(results, policy, seed).deterministic.value

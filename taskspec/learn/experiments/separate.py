@@ -22,10 +22,11 @@ from taskspec.exact.rollout.statistics import ALARM, Difference, differences, se
 from taskspec.exact.tables.freeze import freeze
 from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.exact.tables.spec_text import task_of_tables
+from taskspec.learn.exam.examinee import Examinee
 from taskspec.learn.experiments import races
 from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance
-from taskspec.learn.experiments.races import Contestant, Subject
+from taskspec.learn.experiments.races import Subject
 from taskspec.learn.experiments.shrink import shrink
 
 KEPT_GAP = 0.7
@@ -84,8 +85,8 @@ class Search:
     """
 
     family: ExperimentFile
-    first: Contestant
-    second: Contestant | None = None
+    first: Examinee
+    second: Examinee | None = None
     seed: int = 0
     steps: int = 3000
     minutes: float = 3.0
@@ -140,7 +141,7 @@ class Search:
                 return
 
     def _gaps(
-        self, subjects: Sequence[Subject], seeds: Sequence[int], judges: Sequence[Contestant] = races.RIGHT
+        self, subjects: Sequence[Subject], seeds: Sequence[int], judges: Sequence[Examinee] = races.RIGHT
     ) -> list[float]:
         """Return the mean score of the first learner minus that of the second; 0 where a judge does not master the task."""
         gaps = []
@@ -156,16 +157,19 @@ class Search:
         return gaps
 
     def _races(
-        self, wanted: Sequence[tuple[Subject, tuple[int, ...]]], contestants: Sequence[Contestant]
+        self, wanted: Sequence[tuple[Subject, tuple[int, ...]]], learners: Sequence[Examinee]
     ) -> list[list[list[float] | None]]:
         """Return the scores of learners in several races, each of one task and some seeds."""
         limits = written_limits()
-        calls = [(subject, tuple(contestants), seeds, self.steps, limits) for subject, seeds in wanted]
+        calls = [
+            (subject, tuple(each.elsewhere() for each in learners), seeds, self.steps, limits)
+            for subject, seeds in wanted
+        ]
         endings = self.pool.map(races.race, calls, races.SECONDS)
         failed = [ending for ending in endings if ending.status != "done"]
         if len(failed) == len(endings):
             raise spec_error("E713", f"a learner fails on every task: {failed[0].message}")
-        lost: list[list[float] | None] = [None] * len(contestants)
+        lost: list[list[float] | None] = [None] * len(learners)
         return [lost if ending.result is None else json.loads(ending.result) for ending in endings]
 
     def _test(self, subject: Subject) -> bool:

@@ -1,22 +1,20 @@
-"""Learners of the table by name or file, with the settings of a family, and called to train."""
+"""Learners of the table by name or file, with the settings of a family."""
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from fnmatch import fnmatchcase
-from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.language.source import Document, read_file
 from taskspec.language.source import Path as Place
-from taskspec.learn.learners.interface import LearnerCase
-from taskspec.learn.learners.table import BUILT_IN, BuiltIn
+from taskspec.learn.learners.table import BUILT_IN, Learner
 
 FAMILIES = {
     "corrected": "the mistakes of the published code corrected",
@@ -26,30 +24,6 @@ FAMILIES = {
 """Families of settings. `paper` is the settings of `table.py`; the files in `families` say how the others differ from it."""
 _FOLDER = Path(__file__).parent / "families"
 _KEYS = ("learner", "family", "settings")
-
-
-@dataclass(frozen=True)
-class Learner:
-    """`learner(case)` gives a policy for each of `case.seeds`, all of them trained together.
-
-    Attributes:
-        name, family: which one it is.
-        settings: a frozen dataclass.
-        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
-        trainer: `module:function`, as in the table.
-    """
-
-    name: str
-    family: str
-    settings: Any
-    learns_from: tuple[str, ...]
-    trainer: str
-    together: ClassVar[bool] = True
-
-    def __call__(self, case: LearnerCase) -> list[Any]:
-        """Train; raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
-        module, _, function = self.trainer.partition(":")
-        return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
 
 
 def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
@@ -76,7 +50,7 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
     return replace(found, settings=changed(found.settings, document, ("settings",)))
 
 
-def _named_in(document: Document) -> BuiltIn:
+def _named_in(document: Document) -> Learner:
     """Return the table's entry that a file names."""
     data = document.data
     if not isinstance(data, dict) or "learner" not in data:
@@ -93,7 +67,7 @@ def _named_in(document: Document) -> BuiltIn:
     return BUILT_IN[data["learner"]]
 
 
-def _in_family(entry: BuiltIn, family: str) -> Learner:
+def _in_family(entry: Learner, family: str) -> Learner:
     if family not in FAMILIES:
         hint = suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}"
         raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
@@ -103,7 +77,7 @@ def _in_family(entry: BuiltIn, family: str) -> Learner:
         for i, rule in enumerate(document.data):
             if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
                 settings = changed(settings, document, (i, "settings"))
-    return Learner(entry.name, family, settings, entry.learns_from, entry.trainer)
+    return replace(entry, family=family, settings=settings)
 
 
 # -- settings in files, checked against dataclasses ----------------------------------------------------------------

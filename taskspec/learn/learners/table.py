@@ -5,8 +5,11 @@ Neither JAX nor SciPy is imported here: an entry names its trainer.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import Any, ClassVar, Literal
+
+from taskspec.learn.learners.interface import LearnerCase
 
 Activation = Literal["relu", "tanh"]
 
@@ -224,22 +227,35 @@ class Matching:
 # -- entries ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class BuiltIn:
-    """One learner of the table.
+@dataclass(frozen=True)
+class Learner:
+    """A learner of the package: `learner(case)` gives a policy for each of `case.seeds`, all of them trained together.
 
     Attributes:
-        summary: what it is, in a phrase.
+        name: its name in the table.
+        family: whose settings it has; those of the table are of the family `paper`.
+        settings: a frozen dataclass; families and files change its fields.
         learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
-        settings: as published, a frozen dataclass. Families and files change its fields.
-        trainer: `module:function`, called with settings and a `LearnerCase`; returns a policy for each of the case's seeds.
+        trainer: `module:function`, called with settings and a `LearnerCase`.
+        summary: what it is, in a phrase.
     """
 
     name: str
-    summary: str
-    learns_from: tuple[str, ...]
+    family: str
     settings: Any
+    learns_from: tuple[str, ...]
     trainer: str
+    summary: str = field(repr=False)
+    together: ClassVar[bool] = True
+
+    def __call__(self, case: LearnerCase) -> list[Any]:
+        """Train.
+
+        Raises:
+            SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn.
+        """
+        module, _, function = self.trainer.partition(":")
+        return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
 
 
 _FU = Trpo(
@@ -269,29 +285,29 @@ _ADVERSARIAL = "taskspec.learn.learners.deep.adversarial:train_adversarial"
 _PREFERENCES = "taskspec.learn.learners.deep.comparisons:train_from_preferences"
 _MAXENT = "taskspec.learn.learners.maxent:train_maxent"
 
-BUILT_IN: dict[str, BuiltIn] = {
+BUILT_IN: dict[str, Learner] = {
     entry.name: entry
     for entry in (
-        BuiltIn("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo(), _PPO),
-        BuiltIn("bc", "behavioural cloning", _SHOWN, Cloning(), _BC),
-        BuiltIn("gail_im", "GAIL with PPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_IM, _ADVERSARIAL),
-        BuiltIn("gail_sb", "GAIL with TRPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_SB, _ADVERSARIAL),
-        BuiltIn("gail_fu", "GAIL with TRPO and reward log D <= 0", _SHOWN, _GAIL_FU, _ADVERSARIAL),
-        BuiltIn("airl_im_sa", "AIRL with PPO and a reward of state and action", _SHOWN, _AIRL_SA, _ADVERSARIAL),
-        BuiltIn("airl_im_so", "AIRL with PPO and a reward of the state", _SHOWN, _AIRL_SO, _ADVERSARIAL),
-        BuiltIn("airl_fu", "AIRL with TRPO", _SHOWN, _AIRL_FU, _ADVERSARIAL),
-        BuiltIn("drlhp_sa", "DRLHP with PPO and a reward of state and action", _COMPARED, _DRLHP_SA, _PREFERENCES),
-        BuiltIn("drlhp_so", "DRLHP with PPO and a reward of the state", _COMPARED, _DRLHP_SO, _PREFERENCES),
-        BuiltIn("drlhp_slow", "drlhp_sa with a low learning rate of the policy", _COMPARED,
-              replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4)), _PREFERENCES),
-        BuiltIn("drlhp_eps", "drlhp_sa with some random actions in the episodes that are compared", _COMPARED,
-              replace(_DRLHP_SA, random=0.1), _PREFERENCES),
-        BuiltIn("drlhp_rnd", "drlhp_sa with a bonus for novelty", _COMPARED,
-              replace(_DRLHP_SA, novelty=Novelty()), _PREFERENCES),
-        BuiltIn("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN,
-              Matching(causal=False), _MAXENT),
-        BuiltIn("mce", "the causal version, which does not assume that it can choose random outcomes", _SHOWN,
-              Matching(), _MAXENT),
+        Learner("ppo", "paper", Ppo(), _REWARD, _PPO, "proximal policy optimisation on the true reward"),
+        Learner("bc", "paper", Cloning(), _SHOWN, _BC, "behavioural cloning"),
+        Learner("gail_im", "paper", _GAIL_IM, _SHOWN, _ADVERSARIAL, "GAIL with PPO and reward -log(1 - D) >= 0"),
+        Learner("gail_sb", "paper", _GAIL_SB, _SHOWN, _ADVERSARIAL, "GAIL with TRPO and reward -log(1 - D) >= 0"),
+        Learner("gail_fu", "paper", _GAIL_FU, _SHOWN, _ADVERSARIAL, "GAIL with TRPO and reward log D <= 0"),
+        Learner("airl_im_sa", "paper", _AIRL_SA, _SHOWN, _ADVERSARIAL, "AIRL with PPO and a reward of state and action"),
+        Learner("airl_im_so", "paper", _AIRL_SO, _SHOWN, _ADVERSARIAL, "AIRL with PPO and a reward of the state"),
+        Learner("airl_fu", "paper", _AIRL_FU, _SHOWN, _ADVERSARIAL, "AIRL with TRPO"),
+        Learner("drlhp_sa", "paper", _DRLHP_SA, _COMPARED, _PREFERENCES, "DRLHP with PPO and a reward of state and action"),
+        Learner("drlhp_so", "paper", _DRLHP_SO, _COMPARED, _PREFERENCES, "DRLHP with PPO and a reward of the state"),
+        Learner("drlhp_slow", "paper", replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4)), _COMPARED, _PREFERENCES,
+              "drlhp_sa with a low learning rate of the policy"),
+        Learner("drlhp_eps", "paper", replace(_DRLHP_SA, random=0.1), _COMPARED, _PREFERENCES,
+              "drlhp_sa with some random actions in the episodes that are compared"),
+        Learner("drlhp_rnd", "paper", replace(_DRLHP_SA, novelty=Novelty()), _COMPARED, _PREFERENCES,
+              "drlhp_sa with a bonus for novelty"),
+        Learner("maxent", "paper", Matching(causal=False), _SHOWN, _MAXENT,
+              "maximum-entropy inverse reinforcement learning on the exact model"),
+        Learner("mce", "paper", Matching(), _SHOWN, _MAXENT,
+              "the causal version, which does not assume that it can choose random outcomes"),
     )
 }  # fmt: skip
 """Every learner by its name."""

@@ -10,7 +10,8 @@ import pytest
 
 from taskspec.base.limits import written
 from taskspec.exam import Case, learns_from
-from taskspec.learn.experiments.races import Contestant, family_of, race, rounds
+from taskspec.learn.exam.examinee import Examinee
+from taskspec.learn.experiments.races import family_of, race, rounds
 from tests.shared.sparse import sparse
 
 SHIPPED = ("aliased", "chains", "delays", "grids", "levers", "marks", "measured", "tables", "trees")
@@ -70,7 +71,7 @@ def test_instances_of_a_family_tell_learners_apart(name: str) -> None:
     """A right learner of tables wins instances on which one of the negative reward loses."""
     instances = next(rounds(family_of(f"families/{name}"), 0))
     assert len({each.id for each in instances}) == len(instances)
-    pair = [Contestant(train.__name__, ("reward",), function=train) for train in (right, negated)]
+    pair = [Examinee(train.__name__, ("reward",), train) for train in (right, negated)]
     found = [race(each, pair, (0,), 3000, written()) for each in instances[:INSTANCES]]
     won = [(good[0], bad[0]) for good, bad in found if good is not None and bad is not None]
     assert len(won) >= INSTANCES / 2

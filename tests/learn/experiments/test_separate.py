@@ -14,7 +14,7 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.tables.freeze import freeze
 from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.exact.tables.spec_text import spec_text, task_of_tables
-from taskspec.learn.experiments.races import contestant
+from taskspec.learn.exam.examinee import learner_of
 from taskspec.learn.experiments.separate import Search
 from taskspec.learn.experiments.shrink import shrink, size
 from tests.shared.commands import Done
@@ -149,7 +149,7 @@ def test_an_interrupt_keeps_the_best_so_far(folder: Path) -> None:
             raise KeyboardInterrupt
 
     search = Search(
-        experiments.read("few.yaml"), contestant("q.py:past_the_end"), contestant("q.py:right"), steps=1500, workers=2,
+        experiments.read("few.yaml"), learner_of("q.py:past_the_end"), learner_of("q.py:right"), steps=1500, workers=2,
         progress=interrupted,
     )  # fmt: skip
     found = search.run()
