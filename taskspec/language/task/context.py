@@ -3,200 +3,23 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from keyword import iskeyword
 from typing import Any, NoReturn
 
-from taskspec.base.diagnostics import Collector, Span, SpecError
-from taskspec.base.limits import limits
+from taskspec.base.diagnostics import Collector
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
 from taskspec.language.expressions.ir import Node
-from taskspec.language.expressions.parse import literal, parse, parse_into
 from taskspec.language.expressions.scope import Binding, Lazy, Poisoned, Scope, Value, numbered
 from taskspec.language.expressions.types import Domain, Kind, Refused, Role, Shape, shape
 from taskspec.language.source import Path
+from taskspec.language.task.forms import Forms, is_word
 from taskspec.language.task.merge import Merged
 from taskspec.language.task.parts import Component, Parameter, Surface
 
-# ---------- forms
-# YAML values -> surface syntax: texts, numbers, vectors, `if:`/`then:` lists, `by:`/`rows:` tables, probabilities.
-
-_FOR = re.compile(r"\sfor\s")
-Tree = dict[str, Any] | list[Any] | str | int | float | bool | None
-
-
-class Forms:
-    """Reads expressions of one merged spec, whose shape is right; mistakes in texts go to the collector."""
-
-    def __init__(self, merged: Merged, collector: Collector) -> None:
-        self.merged = merged
-        self.collector = collector
-        self.labels: frozenset[str] = frozenset()
-        """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
-
-    def expr(self, path: Path) -> s.Expr | None:
-        """Return the expression at a path, or None when it is broken (and reported)."""
-        return self.tree(self.value(path), path)
-
-    def optional(self, path: Path) -> s.Expr | None:
-        """Return the expression at a path; None when it is broken (and reported), or when there is nothing."""
-        if self.value(path[:-1]).get(path[-1]) is None:
-            return None
-        return self.expr(path)
-
-    def value(self, path: Path) -> Any:
-        node: Any = self.merged.data
-        for step in path:
-            node = node[step]
-        return node
-
-    def text(self, path: Path, value: str) -> s.SourceText:
-        return s.SourceText(value, lambda start, end: self.merged.span(path, start, end))
-
-    def place(self, path: Path) -> s.Place:
-        """Return the whole value at a path, as a place."""
-        return s.Place(s.SourceText("", lambda start, end: self.merged.span(path)), 0, 0)
-
-    def tree(self, value: Tree, path: Path) -> s.Expr | None:
-        match value:
-            case bool() | int() | float():
-                return literal(value, s.SourceText(str(value), lambda start, end: self.merged.span(path)))
-            case str() if value.strip() in self.labels:
-                return s.Quoted(value.strip(), self.place(path))
-            case str():
-                return self.parsed(self.text(path, value), path)
-            case list():
-                return self._list(value, path)
-            case dict():
-                if "by" in value:
-                    return self._table(value, path)
-                return self._weights(value, path)
-            case None:
-                self.collector.add("E301", self.place(path), "an expression is missing here")
-                return None
-
-    def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
-        """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
-        key = (path, text.value, limits().characters)
-        found: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
-        if found is not None:
-            self.merged.parsed[key] = found
-        return found
-
-    def _list(self, items: list[Any], path: Path) -> s.Expr | None:
-        if items and all(isinstance(i, dict) and i.keys() & {"if", "then", "else"} for i in items):
-            return self._pieces(items, path)
-        if len(items) == 1 and isinstance(items[0], str) and _FOR.search(items[0]):
-            return self.parsed(self._in_brackets(items[0], (*path, 0)), path)
-        exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
-        found = tuple(e for e in exprs if e is not None)
-        if len(found) == len(items):
-            return s.Vector(found, self.place(path))
-        return None
-
-    def _in_brackets(self, item: str, path: Path) -> s.SourceText:
-        """Return the only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
-
-        def locate(start: int, end: int) -> Span:
-            return self.merged.span(path, max(start - 1, 0), min(end - 1, len(item)))
-
-        return s.SourceText(f"[{item}]", locate)
-
-    def _pieces(self, items: list[dict[str, Any]], path: Path) -> s.Expr | None:
-        """Return the entries `if:` and `then:`, and a last `else:`."""
-        last = len(items) - 1
-        otherwise = self.tree(items[last]["else"], (*path, last, "else"))
-        branches = []
-        for i, item in enumerate(items[:last]):
-            condition = self.tree(item["if"], (*path, i, "if"))
-            then = self.tree(item["then"], (*path, i, "then"))
-            if condition is not None and then is not None:
-                branches.append((condition, then))
-        if otherwise is None or len(branches) < last:
-            return None
-        if branches:
-            return s.Piecewise(tuple(branches), otherwise, self.place(path))
-        return otherwise
-
-    def _weights(self, value: dict[str, Any], path: Path) -> s.Expr | None:
-        pairs = []
-        for key, p in value.items():
-            outcome = self.key(key, (*path, key))
-            weight = self.tree(p, (*path, key))
-            if outcome is not None and weight is not None:
-                pairs.append((outcome, weight))
-        if len(pairs) == len(value):
-            return s.Weights(tuple(pairs), self.place(path))
-        return None
-
-    def key(self, key: str, path: Path) -> s.Expr | None:
-        """Return a key of a table or of a distribution: an expression on the left of a colon."""
-        text = s.SourceText(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
-        if key in ("true", "false"):
-            return literal(key == "true", text)
-        label = s.Quoted(str(key), s.Place(text, 0, len(str(key))))
-        if str(key) in self.labels:
-            return label
-        known = (path, "key", text.value, limits().characters)
-        found: s.Expr | None = self.merged.parsed.get(known)
-        if found is not None:
-            return found
-        try:
-            found = self.merged.parsed[known] = parse(text)
-            return found
-        except SpecError as error:
-            if len(str(key).split()) > 1 and not any(c in str(key) for c in "()[]+*/%<>=,"):
-                return label  # such as `top left`
-            self.collector.extend(error.diagnostics)
-            return None
-
-    def _table(self, value: dict[str, Any], path: Path) -> s.Expr | None:
-        by = value["by"]
-        places: list[Path] = [(*path, "by")]
-        if isinstance(by, list):
-            places = [(*path, "by", i) for i in range(len(by))]
-        columns = list(map(self.expr, places))
-        rows = self._rows(value["rows"], len(columns), (*path, "rows"))
-        found = tuple(c for c in columns if c is not None)
-        if rows is None or len(found) < len(columns):
-            return None
-        return s.Table(found, rows, self.place(path))
-
-    def _rows(self, rows: dict[str, Any], depth: int, path: Path) -> tuple[s.TableRow, ...] | None:
-        result: list[s.TableRow] = []
-        for key, cell in rows.items():
-            here = (*path, key)
-            label = None if key == "else" else self.key(key, here)
-            body: s.Expr | tuple[s.TableRow, ...] | None
-            if depth > 1 and isinstance(cell, dict) and not cell.keys() & {"by", "rows"}:
-                body = self._rows(cell, depth - 1, here)
-            else:
-                body = self.tree(cell, here)
-            if body is not None and (label is not None or key == "else"):
-                result.append(s.TableRow(label, body, self.place(here)))
-        if len(result) < len(rows):
-            return None
-        return tuple(result)
-
-
-def is_word(label: str) -> bool:
-    """Return whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
-    return label.isidentifier() and not iskeyword(label)
-
-
-def _part(span: Span, key: str, start: int, end: int) -> Span:
-    """Return a range of characters of a key written on one line (a quoted key counts as a whole)."""
-    if span.line != span.end_line or span.end_column - span.column != len(key):
-        return span
-    return Span(span.origin, span.line, span.column + start, span.line, span.column + end)
-
-
-# ---------- context
-# What the parts of a build share: the merged spec, the builder, the names; and values of components.
+# -- values of components -----------------------------------------------------------------------------------------
 
 
 def assign(checker: Checker, expr: s.Expr, scope: Scope, component: Component) -> Node | None:

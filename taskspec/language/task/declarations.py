@@ -287,7 +287,7 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
     if not context.data[section]:
         hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
         context.report_key("E210", (section,), f"`{section}:` names no component", hint)
-        context.collector.raise_if_errors()
+        return ()
     scope = context.constant_scope("domains are fixed")
     found: list[Component] = []
     for name, entry in context.data[section].items():

@@ -24,7 +24,7 @@ Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 
 def parse_sections(context: Context) -> None:
-    """Read the expressions of every section, reporting all syntax errors."""
+    """Read the expressions of every section, reporting all syntax errors; without components nothing more can be read."""
     for section in EXPRESSIONS:
         exprs = context.exprs[section]
         for name, value in (context.data.get(section) or {}).items():
@@ -36,6 +36,8 @@ def parse_sections(context: Context) -> None:
     for section in ("reward", "terminal", "absorbing_reward", "legal"):
         if section in context.data:
             context.exprs[section] = context.forms.expr((section,))
+    if not context.state or not context.action:
+        context.collector.raise_if_errors()
 
 
 # -- states ---------------------------------------------------------------------------------------------------

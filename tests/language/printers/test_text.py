@@ -16,7 +16,7 @@ from taskspec.language.expressions.parse import parse
 from taskspec.language.printers.names import nowhere
 from taskspec.language.printers.text import text
 from taskspec.language.source import read_file
-from taskspec.language.task.context import Forms
+from taskspec.language.task.forms import Forms
 from taskspec.language.task.merge import merge
 from tests.shared.expression_data import data
 

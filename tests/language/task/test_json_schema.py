@@ -23,6 +23,7 @@ from jsonschema import Draft202012Validator
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.language import source
+from taskspec.language.task.build import attempts
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.experiments import Experiment, document_schema
 from taskspec.language.task.schema.export import json_schema
@@ -42,6 +43,9 @@ BEYOND_A_SCHEMA = {
     "E219": "what a variant changes is looked up",
 }
 """What a schema cannot say: each compares one part of a spec with another."""
+
+OF_EXPRESSIONS = ("E202", "E204", "E208", "E209", "E214", "E218")
+"""The shapes of expressions, which are reported when a task is built."""
 
 PARTLY = {
     "E208": "the depth of rows is compared with `by`; a table of the wrong shape is marked",
@@ -133,11 +137,13 @@ def disagreement(data: dict[str, Any]) -> str | None:
         document = source.read_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
     except SpecError:
         return None
-    found, marked = check_shape(document), marks(document.data)
+    marked = [each for each in marks(document.data) if "abstraction" not in each]  # which is built when it is needed
+    found = [*check_shape(document), *attempts(document)[1]]
     if marked and not found and not lacks_sections(document.data):
         return f"the schema marks {marked}"
     # what is a cell and what a probability depends on how long `by` is
-    codes = {each.code for each in found if "probability" not in each.message}
+    shapes = (each for each in found if each.code in OF_EXPRESSIONS or each in check_shape(document))
+    codes = {each.code for each in shapes if "probability" not in each.message}
     if not marked and codes - (BEYOND_A_SCHEMA | PARTLY).keys():
         return f"the schema passes {codes}"
     return None

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec.base.diagnostics import SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.language import registry, source
-from taskspec.language.task.build import build
+from taskspec.language.task.build import attempts, build
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.schema.models import Spec
@@ -44,8 +44,19 @@ WHOLE = HEAD + (
 
 
 def problems(text: str) -> list[tuple[str, str, str, str]]:
-    """Code, place, message and hint of everything that is wrong with the shape of a text."""
-    found = check_shape(source.read_text(text))
+    """Code, place, message and hint of everything that is wrong with the sections of a text."""
+    return listed(check_shape(source.read_text(text)))
+
+
+def all_problems(text: str) -> list[tuple[str, str, str, str]]:
+    """The same of its expressions as well; a state and an action stand below, if it has none."""
+    for section in ("state", "action"):
+        if f"\n{section}:" not in text:
+            text += f"{section}: {{{section[0]}: {{type: choice, values: [only]}}}}\n"
+    return [each for each in listed(attempts(source.read_text(text))[1]) if each[0] != "E210"]
+
+
+def listed(found: tuple[Diagnostic, ...]) -> list[tuple[str, str, str, str]]:
     assert all(each.span is not None for each in found)
     return [
         (each.code, f"{each.span.line}:{each.span.column}", each.message, each.hint or "")  # type: ignore[union-attr]
@@ -61,7 +72,7 @@ def test_our_own_specs_have_the_right_shape(path: Path) -> None:
 # What is added after HEAD, and what is said about it: code, place, part of message, part of hint.
 MISTAKES = [
     ("reward: {by: [s], row: {a: 1}}\n", "E202", "3:19", "`row`", "'rows'"),
-    ("reward: {by: [s], row: {a: 1}}\n", "E203", "3:9", "no `rows`", ""),
+    ("reward: {by: [s], row: {a: 1}}\n", "E208", "3:9", "no `rows`", ""),
     ("sumary: x\n", "E202", "3:1", "`sumary`", "'summary'"),
     ("zzz: x\n", "E202", "3:1", "`zzz`", "one of: title, summary"),
     ("dynamics:\ns': s + 1\n", "E202", "4:1", "`s'` is not indented", "part of `dynamics`"),
@@ -76,8 +87,8 @@ MISTAKES = [
     ("parameters: {L: {type: int}}\n", "E203", "3:14", "`L` has no `default`", ""),
     ("state: {s: {type: choice}}\n", "E203", "3:9", "needs `values`", "[left, right]"),
     ("reward: {by: [s, a], rows: {1: {}, else: 0}}\n", "E204", "3:32", "an empty mapping", ""),
-    ("reward: [{}, {else: 1}]\n", "E203", "3:10", "no `if`", ""),
-    ("reward: [{if: a}, {else: 1}]\n", "E203", "3:10", "no `then`", ""),
+    ("reward: [{}, {else: 1}]\n", "E209", "3:10", "no `if`", ""),
+    ("reward: [{if: a}, {else: 1}]\n", "E209", "3:10", "no `then`", ""),
     ("version: one\n", "E204", "3:10", "a whole number, found the text `one`", ""),
     ("version: 1.5\n", "E204", "3:10", "a whole number, found the number 1.5", ""),
     ("version: -1\n", "E204", "3:10", "too small", ""),
@@ -130,7 +141,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("text", "code", "place", "message", "hint"), MISTAKES)
 def test_mistakes(text: str, code: str, place: str, message: str, hint: str) -> None:
-    found = problems(HEAD + text)
+    found = all_problems(HEAD + text)
     matching = [each for each in found if each[:2] == (code, place)]
     assert len(matching) == 1, found
     assert message in matching[0][2]
@@ -140,8 +151,8 @@ def test_mistakes(text: str, code: str, place: str, message: str, hint: str) -> 
 
 def test_every_problem_is_reported() -> None:
     text = HEAD + "state: {s: {type: intt}}\nreward: [{if: null}, {then: 1}]\nzzz: 1\n"
-    assert [each[0] for each in problems(text)] == [
-        "E206", "E203", "E218", "E203", "E209", "E202",
+    assert [each[0] for each in all_problems(text)] == [
+        "E206", "E209", "E218", "E209", "E202",
     ]  # fmt: skip
 
 

@@ -86,13 +86,13 @@ def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
     return BeforeValidator(_checked(check))
 
 
-Expression: TypeAlias = Annotated[Any, checked(values.expression), _refer("Expression")]
+Expression: TypeAlias = Annotated[Any, _refer("Expression")]
 Constant: TypeAlias = Annotated[Any, checked(values.constant), _refer("Constant")]
 Bound: TypeAlias = Annotated[Any, checked(values.bound), _refer("Bound")]
 Shape: TypeAlias = Annotated[Any, checked(values.shape), _refer("Shape")]
 Labels: TypeAlias = Annotated[Any, checked(values.labels), _refer("Labels")]
 Horizon: TypeAlias = Annotated[Any, checked(values.horizon), _refer("Horizon")]
-Expert: TypeAlias = Annotated[Any, checked(values.expert), _refer("Expert")]
+Expert: TypeAlias = Annotated[Any, _refer("Expert")]
 Measure: TypeAlias = Annotated[Any, checked(values.measure), _refer("Measure")]
 Setting: TypeAlias = Annotated[Any, checked(values.setting), _refer("Setting")]
 Grid: TypeAlias = Annotated[Any, checked(values.grid), _refer("Grid")]

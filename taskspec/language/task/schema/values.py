@@ -159,8 +159,6 @@ def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
 # here looks at a value once, decides which form was meant, and says what is wrong with that one.
 
 _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
-_PIECE_KEYS = ("if", "then", "else")
-_TABLE_KEYS = ("by", "rows")
 Kind = Literal["int", "real", "bool", "choice"]
 WARNINGS = tuple(code for code, entry in codes().items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
@@ -205,109 +203,16 @@ def definition(text: str) -> Iterator[Problem]:
         yield Problem("E205", (), f"two arguments of `{text}` have the same name", None, of_key=True)
 
 
-def expression(value: Any) -> Iterator[Problem]:
-    """Yield text, a number, a truth value, a list as a vector, cases, a table, or probabilities."""
-    match value:
-        case None | "":
-            yield wrong_kind("an expression", None)
-        case list() if _is_cases(value):
-            yield from _cases(value)
-        case list():
-            for i, item in enumerate(value):
-                yield from below(expression(item), i)
-        case dict() if value.keys() & set(_TABLE_KEYS):
-            yield from _table(value)
-        case dict() if value.keys() & set(_PIECE_KEYS):
-            hint = "write each case with a dash: `- if: ...`, and a last `- else: ...`"
-            yield Problem("E209", (), "a value by cases is a list", hint)
-        case dict():
-            yield from _probabilities(value)
-
-
-def _is_cases(items: list[Any]) -> bool:
-    return any(isinstance(item, dict) and item.keys() & set(_PIECE_KEYS) for item in items)
-
-
-def _cases(items: list[Any]) -> Iterator[Problem]:
-    last = len(items) - 1
-    for i, item in enumerate(items):
-        if not isinstance(item, dict):
-            yield Problem("E209", (i,), f"expected a case (`if` and `then`), found {kind(item)}")
-            continue
-        if "else" in item and i < last:
-            yield Problem("E209", (i, "else"), "`else` comes last", None, of_key=True)
-        if "else" in item and ("if" in item or "then" in item):
-            yield Problem("E214", (i, "else"), "`else` stands alone", "give `else` a dash of its own", of_key=True)
-        else:
-            keys = ("else",) if "else" in item else ("if", "then")
-            yield from below(_keys(item, keys, "case"), i)
-        for key in _PIECE_KEYS:
-            if key in item:
-                yield from below(expression(item[key]), i, key)
-    if not (isinstance(items[last], dict) and "else" in items[last]):
-        yield Problem("E209", (last,), "the last case must be `else`", "add `- else: ...` for all other cases")
-
-
-def _table(value: dict[str, Any]) -> Iterator[Problem]:
-    yield from _keys(value, _TABLE_KEYS, "table")
-    if "by" not in value or "rows" not in value:
-        return
-    by = value["by"]
-    rows = value["rows"]
-    columns = by if isinstance(by, list) else [by]
-    if not columns or not all(isinstance(each, str) and each for each in columns):
-        yield Problem("E208", ("by",), "`by` lists what the table looks at", "for example `by: [s, a]`")
-    if isinstance(rows, dict) and rows:
-        yield from below(_rows(rows, len(columns)), "rows")
-    else:
-        yield Problem("E208", ("rows",), f"expected rows (`value: cell`), found {kind(rows)}")
-
-
-def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
-    for key, cell in rows.items():
-        is_rows = isinstance(cell, dict) and bool(cell) and not cell.keys() & set(_TABLE_KEYS)
-        if depth == 1 and is_rows and "else" in cell:
-            message = "rows are nested deeper than `by` is long"
-            yield Problem("E208", (key,), message, "add to `by` what these rows look at")
-            continue
-        if depth > 1 and is_rows:
-            problems = _rows(cell, depth - 1)
-        else:
-            problems = expression(cell)
-        yield from below(problems, key)
-
-
-def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
-    if not value:
-        yield Problem("E204", (), "expected an expression, found an empty mapping")
-    for key, weight in value.items():
-        if isinstance(weight, dict):
-            message = "rows are nested deeper than `by` is long, or a probability is a mapping"
-            yield Problem("E208", (key,), message, f"a table stands by itself, not below `{key}`")
-        elif isinstance(weight, list):
-            hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
-            yield wrong_kind("a probability", weight, hint).below(key)
-        else:
-            yield from below(expression(weight), key)
-
-
-def _keys(value: dict[str, Any], keys: tuple[str, ...], what: str) -> Iterator[Problem]:
-    """Yield keys of an entry that are not known, and those that it lacks."""
-    for key in value:
-        if key not in keys:
-            yield unknown_key(key, keys).below(key)
-    lacking = [key for key in keys if key not in value]
-    if lacking:
-        yield Problem("E203", (), f"this {what} has no `{lacking[0]}`")
-
-
 def constant(value: Any) -> Iterator[Problem]:
-    """Yield an expression, or a grid of letters with the value of each."""
+    """Yield the problems of a grid of letters with the value of each; other constants are expressions."""
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
-        yield from expression(value)
         return
-    yield from _keys(value, ("grid", "legend"), "grid of letters")
-    if "grid" not in value or "legend" not in value:
+    for key in value:
+        if key not in ("grid", "legend"):
+            yield unknown_key(key, ("grid", "legend")).below(key)
+    lacking = [key for key in ("grid", "legend") if key not in value]
+    if lacking:
+        yield Problem("E203", (), f"this grid of letters has no `{lacking[0]}`")
         return
     lines = value["grid"]
     listed = isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)
@@ -317,18 +222,15 @@ def constant(value: Any) -> Iterator[Problem]:
     if not isinstance(legend, dict):
         yield wrong_kind("an entry for each letter", legend).below("legend")
         return
-    for letter, meaning in legend.items():
+    for letter in legend:
         if len(letter) != 1:
             yield Problem("E204", ("legend", letter), f"`{letter}` is not one letter", None, of_key=True)
-        yield from below(expression(meaning), "legend", letter)
 
 
 def bound(value: Any) -> Iterator[Problem]:
-    """Yield a number, an expression, or a list of them for a vector."""
-    if isinstance(value, bool | dict):
+    """Yield the problems of a number, an expression, or a list of them for a vector."""
+    if value is None or isinstance(value, bool | dict):
         yield wrong_kind("a number or an expression", value)
-    else:
-        yield from expression(value)
 
 
 def shape(value: Any) -> Iterator[Problem]:
@@ -344,9 +246,8 @@ def shape(value: Any) -> Iterator[Problem]:
 def labels(value: Any) -> Iterator[Problem]:
     """Yield the labels of a choice: a list of words, or a mapping from each to its value."""
     if isinstance(value, dict) and value:
-        for label, meaning in value.items():
+        for label in value:
             yield from _truth_label(label, (label,))
-            yield from below(expression(meaning), label)
     elif isinstance(value, list) and value:
         seen: set[str] = set()
         for i, label in enumerate(value):
@@ -377,15 +278,6 @@ def horizon(value: Any) -> Iterator[Problem]:
         yield wrong_kind("a number of steps, or `none`", value)
     elif isinstance(value, int) and value < 1:
         yield Problem("E204", (), f"an episode cannot last {value} steps")
-
-
-def expert(value: Any) -> Iterator[Problem]:
-    """Yield an expression for each action component; or `optimal`, `soft(beta)`."""
-    if isinstance(value, dict) and not value.keys() & set(_TABLE_KEYS):
-        for key, action in value.items():
-            yield from below(expression(action), key)
-    else:
-        yield from expression(value)
 
 
 def setting(value: Any) -> Iterator[Problem]:
@@ -427,12 +319,10 @@ def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
 def measure(value: Any) -> Iterator[Problem]:
     """Yield the problems of a measure: an expression, or `{value: expression, doc: ...}`."""
     if not isinstance(value, dict) or "value" not in value:
-        yield from expression(value)
         return
     for key in value:
         if key not in _MEASURED:
             yield unknown_key(key, _MEASURED)._replace(path=(key,))
-    yield from below(expression(value["value"]), "value")
     if not isinstance(value.get("doc", ""), str):
         yield wrong_kind("a text", value["doc"]).below("doc")
 
@@ -444,9 +334,8 @@ _BESIDE = "`space` is one for all: it stands under `observation`, beside the nam
 
 
 def _observed(part: Any) -> Iterator[Problem]:
-    """Yield an expression, or `{value: expression, low: ..., high: ...}` to declare the bounds of its space."""
+    """Yield the problems of an expression, or of `{value: expression, low: ..., high: ...}` with the bounds of its space."""
     if not isinstance(part, dict) or not ("value" in part or part.get("type") in get_args(Kind)):
-        yield from expression(part)
         return
     for key in part:
         if key not in _OBSERVED:
@@ -454,6 +343,5 @@ def _observed(part: Any) -> Iterator[Problem]:
     if "value" not in part:
         yield Problem("E203", (), "this observation has no `value`", "an expression over the state: `name: expression`")
         return
-    yield from below(expression(part["value"]), "value")
     for key in sorted(part.keys() & {"low", "high"}):
         yield from below(bound(part[key]), key)
