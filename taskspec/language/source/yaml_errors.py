@@ -258,7 +258,7 @@ def _is_absent(value: nodes.ScalarNode) -> bool:
 
 
 def _cut(text: str, pieces: Sequence[nodes.Node]) -> Iterator[nodes.TextProblem]:
-    """Yield calls with a comma in them, of which a piece opens more brackets than it closes."""
+    """Yield calls that a comma splits, so that one piece opens more brackets than it closes."""
     done = 0
     for node in pieces:
         is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"
