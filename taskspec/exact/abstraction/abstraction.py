@@ -20,22 +20,23 @@ from taskspec.exact.model.space import shown
 from taskspec.exact.rollout.rollout import reads_of
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import Expression
 from taskspec.language.modifiers import stand_in as modified_stand_in
 from taskspec.language.registry import load
 from taskspec.language.task.build import build_abstract
 from taskspec.language.task.context import assign
 from taskspec.language.task.parts import Component
+from taskspec.language.task.questions import scope, written_in
 from taskspec.language.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True)
 class Abstraction:
-    """A task, its finite stand-in, and the nodes that map a state to the stand-in's, in order of its components."""
+    """A task, its finite stand-in, and the expressions that map a state to the stand-in's, in order of its components."""
 
     task: Task
     stand_in: Task
-    nodes: tuple[Node, ...]
+    nodes: tuple[Expression, ...]
 
     def map(self, state: Mapping[str, Array]) -> dict[str, Array]:
         """Return the mapped state, (*shape, lanes)."""
@@ -66,8 +67,8 @@ def abstraction(task: Task) -> Abstraction | None:
     """Return the abstraction that a task declares, or None."""
     if task.annotations.memory is not None or task.annotations.remembers:  # the map does not read the memory
         task = task.with_annotations(expert=None, memory=None)
-    written = task.source.surface.sections.get("abstraction")
-    if not isinstance(written, dict):
+    written = written_in(task, "abstraction")
+    if written is None:
         return None
     as_written = build_abstract(task)
     stand_in = None
@@ -76,8 +77,8 @@ def abstraction(task: Task) -> Abstraction | None:
     if stand_in is None:
         return None
     checker = Checker(task.new_builder(), Collector())
-    scope = task.source.surface.scopes["abstraction"]
-    nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
+    visible = scope(task, "abstraction")
+    nodes = [assign(checker, written[c.name], visible, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)
     if len(found) == len(stand_in.state):
         return Abstraction(task, stand_in, found)

@@ -26,15 +26,14 @@ from taskspec.base.display import decimal
 from taskspec.exact.abstraction.bisimulation import Rows, classes_from, levels
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import refuse
-from taskspec.exact.model.transitions import Steps, count, joint_outcomes
+from taskspec.exact.model.probabilities import ExactProbabilities, Inexact, Reader
+from taskspec.exact.model.transitions import Steps, joint_outcomes, outcome_count
 from taskspec.exact.rollout.rollout import Rollout, State, at_random, is_bounded, reads_of
 from taskspec.exact.solve.backward import backward
 from taskspec.exact.solve.bounded import Bound
-from taskspec.exact.solve.enclosure import Inexact, Reader
-from taskspec.exact.solve.rational import ExactProbabilities, Scaled
+from taskspec.exact.solve.rational import Scaled
 from taskspec.exact.solve.solve import Solver, Solvers
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import draws
 from taskspec.language.expressions.types import Refused
 from taskspec.language.task.record import space
 from taskspec.language.task.task import Task
@@ -153,7 +152,7 @@ class NamedSteps:
         self.times = (task.horizon or 1) if self._steps.uses_time else 1
         if self.model.n_states * self.model.n_actions * self._steps.branching * self.times > MOST_OUTCOMES:
             refuse("there are too many steps to compare")
-        if not task.observation.is_state and math.isinf(count(draws(task.observation.nodes), {})):
+        if not task.observation.is_state and math.isinf(outcome_count(task.observation.nodes)):
             refuse("observations have infinitely many outcomes")
         self._numbers = ExactProbabilities(Reader(as_written=True))
         self.names: list[Hashable] = [_name(self.model.state(s)) for s in range(self.model.n_states)]
@@ -460,7 +459,7 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
     spaces = _other_spaces(a, b)
     if spaces:
         return TaskRelation("different", f"{spaces}; {reason}")
-    watched = not any(draws(task.observation.nodes) for task in (a, b))
+    watched = not (a.observation.is_random or b.observation.is_random)
     if not watched:
         reason += "; observations are drawn, and were not compared"
     runs = [Rollout(task, LANES) for task in (a, b)]

@@ -17,8 +17,7 @@ from taskspec.base.named import all_names
 from taskspec.exact.abstraction.abstraction import in_words
 from taskspec.exact.model.points import SAMPLES, sampled
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node
-from taskspec.language.expressions.types import Role
+from taskspec.language.expressions.types import Expression, Role
 from taskspec.language.task.bijection import MapPart, outside, parts
 from taskspec.language.task.parts import Symmetry
 from taskspec.language.task.task import Task
@@ -85,7 +84,7 @@ def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
 
 def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
     """Return the reason for which a part of a map of observations may not be one-to-one; None if random points return."""
-    nodes: dict[str, Node] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
+    nodes: dict[str, Expression] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
     names = all_names(part.inputs)
     if not names:
         return "it shows a value that is not finite"

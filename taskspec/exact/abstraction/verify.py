@@ -16,17 +16,16 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.abstraction.abstraction import Abstraction
-from taskspec.exact.abstraction.factor import Unfactored, factored
 from taskspec.exact.model.extract import extract
+from taskspec.exact.model.factor import Unfactored, factored
 from taskspec.exact.model.model import Model
+from taskspec.exact.model.probabilities import ExactProbabilities, Inexact, Reader
 from taskspec.exact.model.space import entries_of
-from taskspec.exact.model.transitions import Steps, count, joint_outcomes, merge_outcomes, total
-from taskspec.exact.solve.enclosure import Inexact, Reader
-from taskspec.exact.solve.rational import ExactProbabilities
+from taskspec.exact.model.transitions import Steps, joint_outcomes, merge_outcomes, outcome_count, total
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node, Read, draws, reads
-from taskspec.language.expressions.types import TIME, Refused, Role
+from taskspec.language.expressions.types import Expression, Refused
 from taskspec.language.expressions.variates.entry import once
+from taskspec.language.task.questions import reads_time
 
 
 @dataclass(frozen=True)
@@ -64,8 +63,8 @@ def _verified(found: Abstraction) -> AbstractionCheck:
         task = found.task
         nodes = found.nodes
     else:
-        task = factored(found)
-        nodes = tuple(Read(Role.STATE, c.name, c.type, c.least, c.most) for c in task.state)
+        task = factored(found.task, found.stand_in, found.nodes)
+        nodes = tuple(c.value for c in task.state)
     whole = extract(task, True, MOST_ENTRIES)
     other = extract(found.stand_in, True, MOST_ENTRIES)
     has_expert = isinstance(task.annotations.expert, tuple) and isinstance(found.stand_in.annotations.expert, tuple)
@@ -83,7 +82,7 @@ class Uncompared(Exception):
 
 
 def difference(
-    whole: Model, nodes: Sequence[Node], other: Model, with_expert: bool, as_paid: bool = False
+    whole: Model, nodes: Sequence[Expression], other: Model, with_expert: bool, as_paid: bool = False
 ) -> str | None:
     """Return a difference between a model and the one that its states are mapped to; None if there is none.
 
@@ -101,7 +100,7 @@ def difference(
 class _Comparison:
     """Two models with their steps; `mapped` has the index of each state (S,) in the other one, -1 if it has none."""
 
-    def __init__(self, whole: Model, nodes: Sequence[Node], other: Model, as_paid: bool) -> None:
+    def __init__(self, whole: Model, nodes: Sequence[Expression], other: Model, as_paid: bool) -> None:
         self.whole = whole
         self.other = other
         self.steps = Steps(whole.task, as_paid)
@@ -160,7 +159,7 @@ class _Comparison:
 
     def _experts(self) -> str | None:
         nodes = [node for model in (self.whole, self.other) for node in _expert(model)]
-        for t, acting in self._levels(TIME in reads(nodes)):
+        for t, acting in self._levels(reads_time(nodes)):
             own = _of_expert(self.whole, t, self.numbers)
             others = _of_expert(self.other, t, self.numbers)
             rows = np.flatnonzero(acting)
@@ -218,7 +217,7 @@ def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: ExactP
 
 def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
     nodes = _expert(model)
-    if count(draws(nodes), {}) > MOST:
+    if outcome_count(nodes) > MOST:
         raise Uncompared("the expert draws from too many outcomes")
     states = []
     actions = []

@@ -6,7 +6,6 @@ import math
 import operator
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,15 +16,16 @@ from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.model import refuse, too_large
+from taskspec.exact.model.probabilities import FLOATS
 from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Const, Draw, Node, children, draws, reads, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Draw, Node, children, draws, reads, rewrite, walk
 from taskspec.language.expressions.operators import entry_of
 from taskspec.language.expressions.types import TIME, Expression, Range, Role
 from taskspec.language.expressions.variates import VARIATES
-from taskspec.language.expressions.variates.entry import ProbabilityArithmetic, both, once
+from taskspec.language.expressions.variates.entry import ProbabilityArithmetic, once
 from taskspec.language.task.task import Task
 
 # -- the expected reward where the reward itself is noisy -------------------------------------------------------------
@@ -66,29 +66,6 @@ def _is_linear(root: Node, draw: Draw) -> bool:
 
 LOOP_FROM = 4096
 """From this many points on, an outcome shared by all points is a pass of its own."""
-
-
-class Floats:
-    """Probabilities as float64."""
-
-    def argument(self, draw: Draw, arg: Array) -> Array:
-        return arg
-
-    def otherwise(self, draw: Draw, p: Array) -> Array:
-        written = draw.args[0]
-        if not isinstance(written, Const):
-            return np.asarray(1 - p)
-        exact = [float(1 - Fraction(v)) if 0 < v < 1 else 1 - one for v, one in zip(written.flat, p.flat, strict=True)]
-        return np.array(exact).reshape(p.shape)
-
-    def ratio(self, part: Array, whole: Array) -> Array:
-        return np.asarray(part / whole, dtype=np.float64)
-
-    def times(self, a: Array, b: Array) -> Array:
-        return both(a, b)
-
-
-FLOATS = Floats()
 
 
 @dataclass(frozen=True)

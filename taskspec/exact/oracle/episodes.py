@@ -16,9 +16,9 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import Model, misused, refuse
+from taskspec.exact.model.probabilities import Inexact
 from taskspec.exact.oracle.tables import Seen, model_of, plain, policy_table
 from taskspec.exact.oracle.values import By
-from taskspec.exact.solve.enclosure import Inexact
 from taskspec.exact.solve.outcomes import Number, OutcomeLists
 from taskspec.language.task.task import TaskLike
 

@@ -15,10 +15,10 @@ import numpy as np
 from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, misused, refuse
+from taskspec.exact.model.probabilities import Reader
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
 from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of
 from taskspec.exact.policies.values import LAST_AXIS, is_table
-from taskspec.exact.solve.enclosure import Reader
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 

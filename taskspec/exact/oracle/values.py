@@ -23,9 +23,9 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, misused, refuse
+from taskspec.exact.model.probabilities import Inexact, Reader
 from taskspec.exact.oracle.tables import Seen, model_of, policy_table
 from taskspec.exact.solve.backward import action_values, backward
-from taskspec.exact.solve.enclosure import Inexact, Reader
 from taskspec.exact.solve.infinite_horizon import chain_values, followed
 from taskspec.exact.solve.rational import Rational, Scaled
 from taskspec.language.task.task import Task, TaskLike

@@ -16,6 +16,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import Advice, Collector, SpecError, suggest
 from taskspec.exact.model.model import Model
+from taskspec.exact.model.probabilities import Inexact, Reader
 from taskspec.exact.rules.conditions import (
     checked,
     condition_over_actions,
@@ -27,17 +28,7 @@ from taskspec.exact.rules.evaluator import Evaluator, InvalidClaim, Truth, Undec
 from taskspec.exact.scores.partial_observability import SEARCHES, best_observing
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Boltzmann, Greedy, Rule, Uniform
-from taskspec.exact.solve.enclosure import (
-    Enclosure,
-    Inexact,
-    NoNumber,
-    Reader,
-    absolute,
-    arithmetic,
-    compare,
-    digits,
-    negative,
-)
+from taskspec.exact.solve.enclosure import Enclosure, NoNumber, absolute, arithmetic, compare, digits, negative
 from taskspec.exact.solve.plans import MaxEnt
 from taskspec.exact.solve.solve import Solver
 from taskspec.language.expressions import syntax as s

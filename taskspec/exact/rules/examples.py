@@ -16,11 +16,10 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.base.display import small_fraction
+from taskspec.exact.model.probabilities import FLOATS, ExactProbabilities, Inexact, Reader
 from taskspec.exact.model.space import domain, plain, words
-from taskspec.exact.model.transitions import FLOATS, joint_outcomes, merge_outcomes, outcome_count
+from taskspec.exact.model.transitions import joint_outcomes, merge_outcomes, outcome_count
 from taskspec.exact.rules.claim_verdicts import wrong_setting
-from taskspec.exact.solve.enclosure import Inexact, Reader
-from taskspec.exact.solve.rational import ExactProbabilities
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.check import Checker
 from taskspec.language.expressions.evaluate import evaluate

@@ -23,11 +23,11 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import count
+from taskspec.exact.model.transitions import outcome_count
 from taskspec.exact.solve.bounded import Bound, Bounded, Policy
-from taskspec.language.expressions.ir import Node, draws, reads
-from taskspec.language.expressions.types import TIME
+from taskspec.language.expressions.types import Expression
 from taskspec.language.task.parts import Soft
+from taskspec.language.task.questions import is_random, reads_time
 
 Q = TypeVar("Q")
 V = TypeVar("V")
@@ -149,15 +149,15 @@ class Uniform(FixedRule):
 class Expressed(FixedRule):
     """Actions given by expressions, which may draw (finitely many outcomes) and read the time."""
 
-    nodes: tuple[Node, ...]
+    nodes: tuple[Expression, ...]
 
     @cached_property
     def is_drawn(self) -> bool:  # type: ignore[override]
-        return bool(draws(self.nodes))
+        return is_random(self.nodes)
 
     @cached_property
     def is_timed(self) -> bool:  # type: ignore[override]
-        return TIME in reads(self.nodes)
+        return reads_time(self.nodes)
 
     def policy(self, numbers: Any, t: int) -> Any:
         return numbers.tabulated(self.nodes, t)
@@ -238,6 +238,6 @@ def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rul
             return Greedy()
         case Soft(beta=beta):
             return Boltzmann(beta)
-        case tuple() as nodes if model.task.annotations.memory is None and count(draws(nodes), {}) <= MOST_OUTCOMES:
+        case tuple() as nodes if model.task.annotations.memory is None and outcome_count(nodes) <= MOST_OUTCOMES:
             return Expressed(nodes)
     return None

@@ -21,19 +21,12 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.exact.model.extract import SMALLEST_NUMBER
 from taskspec.exact.model.model import Model, Step
-from taskspec.exact.model.transitions import Steps, count, joint_outcomes
+from taskspec.exact.model.probabilities import UNIT, Slack
+from taskspec.exact.model.transitions import Steps, joint_outcomes, outcome_count
 from taskspec.exact.solve.enclosure import EQUAL, Enclosure
-from taskspec.language.expressions.interval import bounds
-from taskspec.language.expressions.ir import Const, Draw, Node, draws
-from taskspec.language.expressions.variates import VARIATES
-from taskspec.language.expressions.variates.choices import row_table
+from taskspec.language.expressions.types import Expression
+from taskspec.language.task.questions import is_random
 
-UNIT = 2.0**-53
-"""The relative error of one rounded operation."""
-COMPUTED = 8 * UNIT
-"""The error allowed for a probability that an expression computes, as `1 - s / 10`."""
-TAIL = 1e-20
-"""More than the probability of the outcomes that are left out of a draw of infinitely many."""
 UNDERFLOW = 1e-300
 """Products from here on are not too small for a float; a sum of smaller ones loses less than this."""
 DEEPEST = 1e4
@@ -117,40 +110,6 @@ def _least(weights: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Slack:
-    """Bounds on those errors of the probabilities of outcomes that come from the probabilities of draws.
-
-    `relative` is that of every outcome, `absolute` is added to each for probabilities that are computed at run time;
-    outcomes of probability `missing` together were left out, and pay at most `beyond` in size.
-    """
-
-    relative: float = 0.0
-    absolute: float = 0.0
-    missing: float = 0.0
-    beyond: float = 0.0
-
-    @classmethod
-    def of(cls, draws: Sequence[Draw], reward: Node | None = None) -> Slack:
-        """Return the bounds for outcomes of some draws together, which may enter a reward."""
-        relative = 0.0
-        absolute = 0.0
-        missing = 0.0
-        for draw in draws:
-            outcomes = VARIATES[draw.base].outcomes
-            assert outcomes is not None, draw.base
-            relative += outcomes.steps(draw) * UNIT
-            is_written = not outcomes.weighted or isinstance(draw.args[0], Const)
-            if not is_written and not (outcomes.by_row and row_table(draw.args[0]) is not None):
-                absolute += COMPUTED * outcomes.inputs(draw)
-            if outcomes.tail:
-                missing += TAIL * draw.type.size
-        beyond = 0.0
-        if missing and reward is not None:
-            beyond = max(map(abs, bounds(reward, {})))
-        return cls(relative, absolute, missing, beyond)
-
-
-@dataclass(frozen=True, slots=True)
 class ExpectationError:
     """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1.
 
@@ -192,9 +151,9 @@ class Bounded:
         self.horizon = model.horizon or 0
         self.shape = (model.n_actions, model.n_states)
         steps = Steps(model.task)
-        self.slack = Slack.of(steps.draws, steps.reward)
-        first = draws(steps.first)
-        self.start_error = ExpectationError.of(int(count(first, {})), Slack.of(first), _least(model.start))
+        self.slack = Slack.of(steps.roots, steps.reward)
+        terms = int(outcome_count(steps.first))
+        self.start_error = ExpectationError.of(terms, Slack.of(steps.first), _least(model.start))
 
     @cached_property
     def is_whole(self) -> bool:
@@ -367,7 +326,7 @@ class Bounded:
         """The relative error of sums of exponentials over the actions."""
         return (16 * self.model.n_actions + 32) * UNIT
 
-    def tabulated(self, nodes: Sequence[Node], t: int) -> Policy:
+    def tabulated(self, nodes: Sequence[Expression], t: int) -> Policy:
         """Return a policy given by expressions, which may draw and read the time."""
         model = self.model
         table = np.zeros(self.shape)
@@ -376,11 +335,10 @@ class Bounded:
             here = table[:, some]
             for values, state, weight in joint_outcomes(nodes, model.reads(t, some), here.shape[1]):
                 np.add.at(here, (model.actions.encode(values, len(state))[0], state), weight)
-        drawn = draws(nodes)
-        if not drawn:
+        if not is_random(nodes):
             return Policy(table)
-        slack = Slack.of(drawn)
-        terms = int(count(drawn, {}))
+        slack = Slack.of(nodes)
+        terms = int(outcome_count(nodes))
         absolute = slack.absolute * terms + slack.missing
         if _least(table) < UNDERFLOW:
             absolute += UNDERFLOW

@@ -21,7 +21,8 @@ from scipy.sparse.linalg import splu
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.solve.bounded import QUIET, UNIT, Bound, Bounded, Policy
+from taskspec.exact.model.probabilities import UNIT
+from taskspec.exact.solve.bounded import QUIET, Bound, Bounded, Policy
 from taskspec.exact.solve.enclosure import Enclosure, negative
 
 if TYPE_CHECKING:

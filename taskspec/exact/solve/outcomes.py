@@ -12,9 +12,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.model.transitions import FLOATS, Steps
-from taskspec.exact.solve.enclosure import Inexact, Reader
-from taskspec.exact.solve.rational import ExactProbabilities
+from taskspec.exact.model.probabilities import FLOATS, ExactProbabilities, Inexact, Reader
+from taskspec.exact.model.transitions import Steps
 from taskspec.language.expressions.variates.entry import ProbabilityArithmetic
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task

@@ -11,9 +11,10 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
+from taskspec.exact.model.probabilities import UNIT
 from taskspec.exact.model.transitions import OutcomeTable, Steps
 from taskspec.exact.solve.backward import FixedRule, Greedy, Plan, PlannedRule, Rule, backward, rule_of
-from taskspec.exact.solve.bounded import UNDERFLOW, UNIT, Bound, Bounded, Policy
+from taskspec.exact.solve.bounded import UNDERFLOW, Bound, Bounded, Policy
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 
 MEMORY = 2**29

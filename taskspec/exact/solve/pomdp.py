@@ -34,8 +34,7 @@ from taskspec.exact.solve.backward import all_values, backward, first_values
 from taskspec.exact.solve.enclosure import Enclosure, rounded
 from taskspec.exact.solve.rational import WIDE, Rational, Scaled
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import reads
-from taskspec.language.expressions.types import TIME
+from taskspec.language.task.questions import reads_time
 
 # -- observations -----------------------------------------------------------------------------------------------------
 
@@ -47,7 +46,7 @@ def observation_classes(model: Model) -> Array:
     """
     nodes = model.task.observation.nodes
     n = model.n_states
-    times = range((model.horizon or 0) + 1 if TIME in reads(nodes) else 1)
+    times = range((model.horizon or 0) + 1 if reads_time(nodes) else 1)
     seen = []
     for t in times:
         rows = [np.zeros((1, n))]

@@ -17,11 +17,10 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model
+from taskspec.exact.model.probabilities import ExactProbabilities, Inexact, Reader, objects
 from taskspec.exact.model.transitions import Steps, joint_outcomes
-from taskspec.exact.solve.enclosure import EQUAL, Enclosure, Inexact, Reader
-from taskspec.language.expressions.ir import Const, Draw, Node
-from taskspec.language.expressions.variates import VARIATES
-from taskspec.language.expressions.variates.choices import row_table
+from taskspec.exact.solve.enclosure import EQUAL, Enclosure
+from taskspec.language.expressions.types import Expression
 
 MOST_OUTCOMES = 100_000
 """Outcomes of all steps together up to which a model is enumerated in rationals."""
@@ -29,54 +28,6 @@ MOST_WORK = 250_000
 """Outcomes times steps of an episode up to which values are computed in rationals."""
 WIDE = 4_000
 """Bits of a denominator that double the cost of an operation."""
-
-
-class ExactProbabilities:
-    """Probabilities of draws as rationals: the arithmetic that `transitions.branches` is given."""
-
-    def __init__(self, reader: Reader) -> None:
-        self.reader = reader
-
-    def argument(self, draw: Draw, arg: Array) -> Array:
-        p = draw.args[0]
-        outcomes = VARIATES[draw.base].outcomes
-        if outcomes is None or outcomes.tail:
-            raise Inexact
-        if isinstance(p, Const):
-            return _objects(list(map(self.reader, p.flat))).reshape(*p.type.shape, 1)
-        looked_up = row_table(p)
-        if looked_up is None or not outcomes.by_row:
-            return _objects(list(map(self.reader.computed, arg.reshape(-1).tolist()))).reshape(arg.shape)
-        table = looked_up[0]  # its rows in the numbers that they were written with
-        k = table.type.shape[-1]
-        known: dict[tuple[float, ...], list[Fraction]] = {}
-        for first in range(0, len(table.flat), k):
-            row = table.flat[first : first + k]
-            known.setdefault(tuple(map(float, row)), list(map(self.reader, row)))
-        flat: list[Fraction] = []
-        for column in arg.T.tolist():
-            flat += known[tuple(column)]
-        return _objects(flat).reshape(arg.shape[1], k).T
-
-    def otherwise(self, draw: Draw, p: Array) -> Array:
-        return np.asarray(1 - p)
-
-    def ratio(self, part: Array, whole: Array) -> Array:
-        shape = np.broadcast_shapes(part.shape, whole.shape)
-        pairs = [*zip(np.broadcast_to(part, shape).flat, np.broadcast_to(whole, shape).flat, strict=True)]
-        known = {(p, w): Fraction(int(p), int(w)) for p, w in set(pairs)}  # there are few, of many outcomes
-        return _objects([known[pair] for pair in pairs]).reshape(shape)
-
-    def times(self, a: Array, b: Array) -> Array:
-        if a.shape == (1,) and a[0] == 1:
-            return b
-        return np.asarray(a * b)
-
-
-def _objects(values: list[Any]) -> Array:
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +47,7 @@ class Scaled:
                 known[id(v)] = Fraction(v)
         over = math.lcm(*{v.denominator for v in known.values()})
         parts = {key: v.numerator * (over // v.denominator) for key, v in known.items()}
-        return cls(_objects([parts[id(v)] for v in flat]).reshape(values.shape), over)
+        return cls(objects([parts[id(v)] for v in flat]).reshape(values.shape), over)
 
     def reduced(self) -> Scaled:
         """In lowest terms once the denominator is long."""
@@ -160,7 +111,7 @@ class Rational:
         if model.entries / len(model.steps) * model.horizon > (most or MOST_WORK):
             raise Inexact
         codes, weights = steps.starts(self.probabilities)
-        start = _objects([Fraction(0)] * model.n_states)
+        start = objects([Fraction(0)] * model.n_states)
         start[np.searchsorted(model.codes, codes)] = weights
         self.start = Scaled.of(start)
         self.steps = [self._step(steps, t) for t in range(len(model.steps))]
@@ -175,7 +126,7 @@ class Rational:
         first = np.searchsorted(found.row, np.arange(model.n_actions * model.n_states))
         acting = model.acting[found.row % model.n_states]  # what is paid elsewhere need not even be a number
         distinct, which = np.unique(np.where(acting, found.reward, 0.0), return_inverse=True)
-        rates = Scaled.of(_objects(list(map(self.reader, distinct.tolist()))))
+        rates = Scaled.of(objects(list(map(self.reader, distinct.tolist()))))
         weights = Scaled.of(found.weight)
         paid = np.add.reduceat(weights.parts * rates.parts[which.reshape(-1)], first)
         R = Scaled(paid, weights.over * rates.over).lowest()
@@ -185,7 +136,7 @@ class Rational:
         return self.steps[t if len(self.steps) > 1 else 0]
 
     def zero(self) -> Scaled:
-        return Scaled(_objects([0] * self.model.n_states), 1)
+        return Scaled(objects([0] * self.model.n_states), 1)
 
     def backup(self, t: int, V: Scaled) -> Scaled:
         """Return Q at a time from V at the next one."""
@@ -206,7 +157,7 @@ class Rational:
     def reached(self, t: int, V: Scaled, states: Array) -> Scaled:
         """Return probabilities (A, S) of being in `states` in the next step, or later by V, which is 1 there."""
         step = self.step(t)
-        inside = _objects([V.over if is_there else 0 for is_there in states.tolist()])  # beyond what NumPy's ints hold
+        inside = objects([V.over if is_there else 0 for is_there in states.tolist()])  # beyond what NumPy's ints hold
         after = step.expected(np.where(step.ends, inside[step.columns], V.parts[step.columns]))
         return Scaled(after.reshape(self.shape), step.weights.over * V.over)
 
@@ -257,10 +208,10 @@ class Rational:
         parts = self.model.among_legal(q.parts, -np.inf)
         return _shared(parts == parts.max(axis=0))
 
-    def tabulated(self, nodes: Sequence[Node], t: int) -> Scaled:
+    def tabulated(self, nodes: Sequence[Expression], t: int) -> Scaled:
         """Return a policy given by expressions, which may draw and read the time."""
         model = self.model
-        table = _objects([0] * (model.n_actions * model.n_states)).reshape(self.shape)
+        table = objects([0] * (model.n_actions * model.n_states)).reshape(self.shape)
         for values, state, weight in joint_outcomes(nodes, model.reads(t), model.n_states, self.probabilities):
             np.add.at(table, (model.actions.encode(values, len(state))[0], state), weight)
         return Scaled.of(table)

@@ -19,6 +19,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.extras import is_installed
 from taskspec.base.limits import tell
 from taskspec.exact.model.model import Model
+from taskspec.exact.model.probabilities import Inexact, Reader
 from taskspec.exact.solve.backward import (
     FixedRule,
     Given,
@@ -29,7 +30,7 @@ from taskspec.exact.solve.backward import (
     first_values,
 )
 from taskspec.exact.solve.bounded import QUIET, Bound, Bounded
-from taskspec.exact.solve.enclosure import Enclosure, Inexact, Reader
+from taskspec.exact.solve.enclosure import Enclosure
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 from taskspec.exact.solve.rational import Rational
 

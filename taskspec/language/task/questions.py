@@ -1,7 +1,7 @@
 """Questions about the expressions of a task, and about what is written in its sections.
 
-Above `exact.soundness` nobody takes an expression apart. Who holds one computes its value (`expressions.batch.evaluate`), puts it
-into another task (`Task.new_builder`), or asks here.
+Only the language, the programs, the exact model and soundness take expressions apart. Others compute the value of one
+(`expressions.batch.evaluate`), put it into another task (`Task.new_builder`), or ask here.
 """
 
 from __future__ import annotations

@@ -14,8 +14,9 @@ from pathlib import Path
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
 from taskspec.exact.model.model import Model, refuse
+from taskspec.exact.model.probabilities import Inexact, Reader
 from taskspec.exact.solve.backward import Uniform
-from taskspec.exact.solve.enclosure import Enclosure, Inexact, Reader, digits
+from taskspec.exact.solve.enclosure import Enclosure, digits
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import Finite, Solver, Solvers
 from taskspec.exact.tables.frozen_task import FrozenTask

@@ -12,8 +12,8 @@ from taskspec import exact
 from taskspec.base.diagnostics import Collector
 from taskspec.exact.abstraction import verify as verification
 from taskspec.exact.abstraction.abstraction import Abstraction, abstraction
-from taskspec.exact.abstraction.factor import Dependence, LinearForms, dependence
 from taskspec.exact.abstraction.verify import verify
+from taskspec.exact.model.factor import Dependence, LinearForms, dependence
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.scores.returns import Results
 from taskspec.language import source

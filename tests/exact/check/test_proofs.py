@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from taskspec import exact
+from taskspec.exact.model.probabilities import Reader, written
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve import rational
 from taskspec.exact.solve.bounded import Bounded
-from taskspec.exact.solve.enclosure import Reader, written
 from taskspec.exact.solve.rational import Rational
 from taskspec.language import source
 from taskspec.language.task.build import build

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from taskspec.exact.model.probabilities import Reader
 from taskspec.exact.solve import plans, solve
 from taskspec.exact.solve.backward import Boltzmann, Given, action_values, backward, first_values
 from taskspec.exact.solve.bounded import Bounded
-from taskspec.exact.solve.enclosure import Reader
 from taskspec.exact.solve.rational import Rational
 from tests.shared.solved import optimal_return, random_return
 from tests.shared.tasks import Array, Small, model_of, shipped

@@ -11,11 +11,10 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Mapping, Sequence
 
-from taskspec.exact.abstraction.abstraction import Abstraction
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, draw_sites, reads, walk
 from taskspec.language.expressions.operators import Elements, entry_of
-from taskspec.language.expressions.types import Kind, Role, Type
+from taskspec.language.expressions.types import Expression, Kind, Role, Type
 from taskspec.language.task.parts import Component, by_name
 from taskspec.language.task.task import Task
 
@@ -27,29 +26,36 @@ class Unfactored(Exception):
     """The task could not be rewritten: a few words that say why."""
 
 
-def factored(found: Abstraction) -> Task:
-    """Return the task of an abstraction over the mapped state alone, without an expert that depends on more."""
-    return _Factoring(found).result()
+def factored(task: Task, stand_in: Task, mapped: Sequence[Expression]) -> Task:
+    """Return the stand-in of a task with the task's equations over the mapped state alone.
+
+    An expert that depends on more is left out.
+
+    Args:
+        mapped: each component of the stand-in's state, as an expression over the state of the task.
+    """
+    return _Factoring(task, stand_in, mapped).result()
 
 
 class _Factoring:
-    def __init__(self, found: Abstraction) -> None:
-        self.found = found
-        self.task = found.task
-        self.builder = found.task.new_builder(found.nodes)
+    def __init__(self, task: Task, stand_in: Task, mapped: Sequence[Expression]) -> None:
+        self.task = task
+        self.stand_in = stand_in
+        self.builder = task.new_builder(mapped)
+        self.mapped = self.builder.substitute(mapped, {})
         self.normal = LinearForms(self.builder)
         self.ranked: dict[str, Component] = {}
         self.replaced: dict[str, Node] = {}
 
     def result(self) -> Task:
         task = self.task
-        for c, node in zip(self.found.stand_in.state, self.found.nodes, strict=True):
+        for c, node in zip(self.stand_in.state, self.mapped, strict=True):
             self._replace_component(c, node)
         following = by_name(task.state, task.process.next)
         for name in self.ranked:
             if dependence([following[name]], name) != [Dependence.REARRANGEMENT]:
                 raise Unfactored(f"the next {name} does more than rearrange its elements")
-        mapped = [self._over(node, following) for node in self.found.nodes]
+        mapped = [self._over(node, following) for node in self.mapped]
         *moved, reward, terminal = self._final([*mapped, task.process.reward, task.process.terminal])
         initial = tuple(self._initial())
         expert = None
@@ -58,7 +64,7 @@ class _Factoring:
                 expert = self._final(task.annotations.expert)
             except Unfactored:
                 expert = None
-        found = self.found.stand_in.with_process(
+        found = self.stand_in.with_process(
             initial=initial, raw_initial=initial, next=tuple(moved), raw_next=tuple(moved), reward=reward,
             terminal=terminal,
         )  # fmt: skip
@@ -108,7 +114,7 @@ class _Factoring:
             if any(how is not Dependence.INVARIANT for how in dependence(nodes, name)):
                 raise Unfactored(f"something depends on more of '{name}' than the order of its elements")
         found = self.normal.form([self._over(node, self.replaced) for node in nodes])
-        own = {_MARK + c.name: c for c in self.found.stand_in.state}
+        own = {_MARK + c.name: c for c in self.stand_in.state}
         left = {name for role, name in reads(found) if role is Role.STATE and name not in own}
         if left:
             raise Unfactored(f"something depends on {', '.join(sorted(left))} besides")
@@ -127,7 +133,7 @@ class _Factoring:
             if draw is None or draw.site in sites:
                 raise Unfactored(f"'{name}' does not start as independent draws from one continuous distribution")
             sites.add(draw.site)
-        for c, node in zip(self.found.stand_in.state, self.found.nodes, strict=True):
+        for c, node in zip(self.stand_in.state, self.mapped, strict=True):
             if c in self.ranked.values():
                 found.append(b.draw("permutation", (), Type(Kind.INT, c.type.shape)))
                 continue
