@@ -121,6 +121,36 @@ def test_optional_packages_are_imported_where_the_contracts_say() -> None:
     assert len(asked) > 20 and wrong == []
 
 
+APART = ("taskspec.language", "taskspec.programs", "taskspec.exact.model", "taskspec.exact.soundness")
+"""Packages that take expressions and written sections apart; all others ask `taskspec.language.task.questions`."""
+NODES = "taskspec.language.expressions.ir"
+
+
+def takes_apart(module: Module) -> bool:
+    """Return whether a module imports the nodes of expressions or reads an attribute named `surface`."""
+    names = (node.attr for node in ast.walk(module.tree) if isinstance(node, ast.Attribute))
+    return NODES in module.imports([NODES]) or "surface" in names
+
+
+def test_only_few_packages_take_expressions_apart() -> None:
+    others = [module for name, module in SOURCE.items() if not name.startswith(APART)]
+    assert [module.name for module in others if takes_apart(module)] == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"from {NODES} import Const",
+        "from taskspec.language.expressions import ir",
+        f"def later():\n    import {NODES} as nodes",
+        "written = task.source.surface.sections",
+    ],
+)
+def test_every_way_to_take_expressions_apart_is_seen(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.py").write_text(text)
+    assert takes_apart(Module("a", tmp_path / "a.py"))
+
+
 def test_a_class_name_means_one_thing() -> None:
     places = defaultdict(list)
     for module in SOURCE.values():
