@@ -17,6 +17,7 @@ from taskspec.envs.making import make_vec as make_vec
 from taskspec.envs.making import register as register
 from taskspec.language.registry import load as load
 from taskspec.language.registry import task_ids as task_ids
+from taskspec.language.task.task import Task as Task
 
 if TYPE_CHECKING:
     from taskspec import envs as envs
@@ -27,13 +28,11 @@ if TYPE_CHECKING:
     from taskspec.envs import Environment as Environment
     from taskspec.envs import data as data
     from taskspec.language.modifiers import modify as modify
-    from taskspec.language.task.task import Task as Task
     from taskspec.show.figures import drawing as drawing
     from taskspec.tools import notebook as notebook
 
 _ON_DEMAND = {
     "Environment": "taskspec.envs.env",
-    "Task": "taskspec.language.task.task",
     "data": "taskspec.data",
     "drawing": "taskspec.show.figures",
     "envs": "taskspec.envs",

@@ -19,10 +19,10 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.language.source import Document, Kind, kind_of_text, read_file, read_text
 from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.merge import REQUIRED, variant_names
+from taskspec.language.task.task import Task, TaskLike
 
 if TYPE_CHECKING:
     from taskspec.language.modifiers import Written
-    from taskspec.language.task.task import Task, TaskLike
 
 _VERSION = re.compile(r"-v(\d+)$")
 
@@ -172,7 +172,6 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
     """Return what `load` gives before any more modifiers."""
     from taskspec.language.task.build import build
-    from taskspec.language.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
         raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
