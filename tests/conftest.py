@@ -13,10 +13,10 @@ import gymnasium.vector
 import pytest
 
 from taskspec.language import modifiers
-from taskspec.language.task import build
+from taskspec.language.task import pipeline
 from tests.shared.invariants import checked
 
-build._pipeline = checked(build._pipeline)  # every task that any test builds
+pipeline._pipeline = checked(pipeline._pipeline)  # every task that any test builds
 modifiers._modified = checked(modifiers._modified)
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")  # tests run in as many processes as there are cores
 ROOT = Path(__file__).parent.parent

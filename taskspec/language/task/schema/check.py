@@ -13,11 +13,11 @@ from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origi
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from taskspec.base.diagnostics import Advice, Collector, Diagnostic, Span, suggest
+from taskspec.base.diagnostics import Advice, Collector, Diagnostic, Span, raise_if_errors, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.source import Document, Path
 from taskspec.language.source.document import EXTENDS
-from taskspec.language.task.merge import NAMED, Merged, statement, variant_names
+from taskspec.language.task.merge import NAMED, Merged, merge, statement, variant_names
 from taskspec.language.task.schema import typed, values
 from taskspec.language.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
 from taskspec.language.task.schema.values import Problem, advice
@@ -147,6 +147,18 @@ def _other_format(document: Document) -> str | None:
     if not isinstance(document.data, dict) or "taskspec" in document.data:
         return None
     return next((key for key in OTHER_FORMATS if key in document.data), None)
+
+
+def shaped(document: Document, variant: str | None) -> Merged:
+    """Return the sections of a spec or variant, whose shape is right.
+
+    Raises:
+        SpecError: with every mistake of the shape of the document; or, where it has none, of the sections together.
+    """
+    raise_if_errors(check_shape(document))
+    merged = merge(document, variant)
+    validated(merged)
+    return merged
 
 
 @lru_cache(maxsize=256)
