@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
 from math import prod
@@ -404,12 +404,6 @@ class Surface:
     shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
     argument_axes: Mapping[tuple[str, str], int] = field(default_factory=dict, repr=False)  # by definition and argument
     expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
-
-    def without(self, names: Collection[str]) -> Surface:
-        """Return the sections without those of some names."""
-        sections = {name: section for name, section in self.sections.items() if name not in names}
-        meanings = {key: meaning for key, meaning in self.meanings.items() if key[0] not in names}
-        return replace(self, sections=sections, meanings=meanings)
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
         """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""

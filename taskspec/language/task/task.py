@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -40,10 +40,6 @@ class TaskSource:
     content_hash: str
     constants: Mapping[str, Const] = field(default_factory=dict, repr=False)
     """The values of the constants, those that are drawn as they are for this instance."""
-
-    def without(self, names: Collection[str], merged: Merged, content_hash: str) -> TaskSource:
-        """Return the source without some sections, which `merged` does not have."""
-        return replace(self, merged=merged, surface=self.surface.without(names), content_hash=content_hash)
 
     @property
     def document(self) -> Document:

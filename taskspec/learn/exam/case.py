@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
@@ -15,82 +15,41 @@ from taskspec.base.diagnostics import TaskspecError
 from taskspec.envs.data.episodes import Demonstrations, demonstrations
 from taskspec.envs.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
-from taskspec.language.source import Document
-from taskspec.language.task.merge import Merged
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.curves import EpisodeReturns, TrainingReturns
 
 if TYPE_CHECKING:
     from taskspec.envs.metered_vector import MeteredVector
 
-_WITHHELD = ("expert", "memory", "claims", "examples", "measures")
-"""Sections of a spec that no learner sees: what an expert does and earns, and what is measured beside the reward."""
-_REWARD = ("reward", "absorbing_reward")
-"""Sections of a spec that say what is paid."""
-
 
 def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Task:
-    """Return a task without what a learner is not granted; nothing of it is in its spec and in the task as written either.
+    """Return a task without expert, claims, examples and measures, whose rewards are 0 where they are not granted.
 
     Demonstrations come from an expert who is never part of the task: who may see them sees so many, and no more.
 
     Args:
-        learns_from: what is granted; without "reward", what is paid is not that of the task.
+        task: the task.
+        learns_from: what is granted.
         sign: what rewards are multiplied by that are not granted.
     """
-    names = _WITHHELD if "reward" in learns_from else (*_WITHHELD, *_REWARD)
-    document = _document(task.source.document, names)
-    builder = task.new_builder()
     reward = task.process.reward
     absorbing_reward = task.process.absorbing_reward
-    if "reward" not in learns_from and sign == 0:
-        reward = builder.scalar(0.0)
-        absorbing_reward = builder.scalar(0.0)
-    elif "reward" not in learns_from:
-        reward = builder.apply("mul", builder.scalar(sign), reward)
-        absorbing_reward = builder.apply("mul", builder.scalar(sign), absorbing_reward)
+    if "reward" not in learns_from:
+        builder = task.new_builder()
+        if sign == 0:
+            reward = builder.scalar(0.0)
+            absorbing_reward = builder.scalar(0.0)
+        else:
+            reward = builder.apply("mul", builder.scalar(sign), reward)
+            absorbing_reward = builder.apply("mul", builder.scalar(sign), absorbing_reward)
+    changed = f"{task.content_hash} for a learner from {', '.join(sorted(learns_from))}, {sign:g}"
+    source = replace(task.source, content_hash=hashlib.sha256(changed.encode()).hexdigest())
     as_written = None
     if task.written_as is not None:
         as_written = withheld(task.written_as, learns_from, sign)
-    merged = task.source.merged
-    changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
-    source = task.source.without(
-        names,
-        merged=Merged(document, merged.name, merged.variant, _sections(merged.data, names), {}),
-        content_hash=hashlib.sha256(changed.encode()).hexdigest(),
-    )
     found = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})
     found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
     return replace(found, source=source, written_as=as_written)
-
-
-def _document(document: Document, names: Collection[str]) -> Document:
-    """Return a document, and those that it extends, without some sections."""
-    others = {name: _document(other, names) for name, other in document.others.items()}
-    data = document.data
-    if isinstance(data, Mapping):
-        data = _sections(data, names)
-    return replace(document, data=data, others=others)
-
-
-def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """Return the sections of a spec without some, and with a reward of 0 if that is one of them."""
-    found: dict[str, Any] = _without(data, names)
-    if "reward" in names:
-        found["reward"] = 0
-    return found
-
-
-def _without(data: Any, names: Collection[str]) -> Any:
-    """Return the sections of a spec, an abstraction or a variant without some."""
-    if not isinstance(data, Mapping):
-        return data
-    found = {key: value for key, value in data.items() if key not in names}
-    if "abstraction" in found:
-        found["abstraction"] = _without(found["abstraction"], names)
-    if isinstance(found.get("variants"), Mapping):
-        found["variants"] = {key: _without(entry, names) for key, entry in found["variants"].items()}
-    return found
 
 
 # Preferences between trajectories, although the rewards of neither are shown.

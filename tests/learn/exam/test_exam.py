@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -53,69 +52,15 @@ def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
     assert case("derail/RiskyPath", 9, "demonstrations", "reward").demonstrations.rews.any()
 
 
-WAYS: dict[str, Callable[[Case], Any]] = {
-    "the model": lambda case: taskspec.data.tabular(case.task).R.tolist(),
-    "the model of the task as written": lambda case: taskspec.data.tabular(case.task.unmodified).R.tolist(),
-    "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).process.reward,
-    "an environment of the task": lambda case: walk(taskspec.make(case.task), 1),
-    "the environment inside": lambda case: walk(case.env().unwrapped, 1),
-    "environments inside": lambda case: walk(case.make_vec(2).unwrapped, np.ones(2, int)),
-    "the expression": lambda case: (
-        case.task.process.reward,
-        case.task.process.absorbing_reward,
-        case.task.unmodified.process.reward,
-    ),
-    "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.source.document.data),
-    "the expert": lambda case: (
-        case.task.annotations.expert,
-        case.task.annotations.memory,
-        case.task.unmodified.annotations.expert,
-    ),
-    "claims and examples": lambda case: (case.task.annotations.claims, case.task.annotations.examples),
-    "the stand-in": lambda case: taskspec.exact.scores(case.task).optimal,
-}
-HIDING = """
-taskspec: 1
-name: Hiding
-parameters: {p: {type: real, default: 0.25}}
-state: {s: {type: int, low: 0, high: 2}}
-action: {a: {type: choice, values: [stay, go]}}
-horizon: 3
-terminal: false
-initial: {s: 0}
-dynamics: {"s'": "min(2, s + 1) if a == go else s"}
-reward: PAYS
-absorbing_reward: PAID
-expert: {a: ACTS}
-claims: [optimal_return == BEST]
-examples: [{state: {s: 0}, action: {a: go}, reward: STEP}]
-variants: {HidingOther: {reward: PAID}}
-"""
-
-
-def walk(env: Any, action: Any) -> list[float]:
-    """What steps are paid."""
-    env.reset(seed=1)
-    return [float(np.sum(env.step(action)[1])) for _ in range(3)]
-
-
-def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Path) -> None:
-    """Two tasks that differ in what is withheld alone cannot be told apart."""
-    cases = []
-    for folder, words in (
-        ("one", ("1 if s' == 2 else 0", "5", "go", "2", "0")),
-        ("other", ("2 - s'", "7", "stay", "6", "1")),
-    ):
-        text = HIDING
-        for name, word in zip(("PAYS", "PAID", "ACTS", "BEST", "STEP"), words, strict=True):
-            text = text.replace(name, word)
-        (tmp_path / folder).mkdir()
-        task = taskspec.load(spec(tmp_path / folder, text))
-        cases.append([Case(taskspec.modify(task, *m), [3], ExamTerms(100, (), 50)) for m in ((), ("sticky=0.5",))])
-    for one, other in zip(*cases, strict=True):
-        for name, way in WAYS.items():
-            assert repr(way(one)) == repr(way(other)), name
-        assert one.spent.steps == 3 + 2 * 3  # those of the environments of the case, unwrapped or not
+def test_what_a_case_gives_pays_no_reward_and_has_no_expert_that_is_not_granted() -> None:
+    task = taskspec.modify(taskspec.load("derail/EarlyTermPos"), "sticky=0.5")
+    given = Case(task, [3], ExamTerms(100, (), 50))
+    for each in (given.task, given.task.unmodified):
+        assert not taskspec.data.tabular(each).R.any()
+        assert each.annotations.expert is None and each.annotations.claims == () and each.annotations.examples == ()
+    negated = Case(task, [3], ExamTerms(100, (), 50), negated=True)
+    assert np.array_equal(taskspec.data.tabular(negated.task).R, -taskspec.data.tabular(task).R)
+    assert len({task.content_hash, given.task.content_hash, negated.task.content_hash}) == 3
 
 
 def test_demonstrations_say_nothing_of_rewards() -> None:
