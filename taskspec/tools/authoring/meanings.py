@@ -22,7 +22,7 @@ from taskspec.language.printers import text as printed
 from taskspec.language.source import Path
 from taskspec.language.task.names import signature
 from taskspec.language.task.questions import constant
-from taskspec.language.task.schema.export import json_schema
+from taskspec.language.task.schema.export import forms_of, json_schema, schemas_at
 from taskspec.tools.authoring.analysis import Analysis
 from taskspec.tools.authoring.repair import cursor, word_at
 
@@ -228,35 +228,7 @@ def _nowhere(start: int, end: int) -> Span:
 @lru_cache(maxsize=512)
 def schemas(path: Path) -> tuple[dict[str, Any], ...]:
     """Return what the JSON Schema of specs says of the value at a path, one entry for each form that it may have."""
-    root = _root()
-    if not path:
-        return tuple(_forms(root["$defs"]["Spec"]))
-    found: list[dict[str, Any]] = []
-    for outer in schemas(path[:-1]):
-        found += _forms(_below(outer, path[-1]))
-    return tuple({id(each): each for each in found}.values())
-
-
-def _below(schema: dict[str, Any], step: str | int) -> Any:
-    if isinstance(step, int):
-        return schema.get("items")
-    properties = schema.get("properties", {})
-    return properties.get(step, schema.get("additionalProperties"))
-
-
-def _forms(schema: Any) -> Iterator[dict[str, Any]]:
-    """Yield a schema and those that it refers to, each a form of the value."""
-    if not isinstance(schema, dict):
-        return
-    yield schema
-    reference = schema.get("$ref")
-    if reference is not None:
-        yield from _forms(_root()["$defs"][reference.rpartition("/")[2]])
-    for word in ("then", "else"):
-        yield from _forms(schema.get(word))
-    for word in ("anyOf", "oneOf", "allOf"):
-        for each in schema.get(word, ()):
-            yield from _forms(each)
+    return tuple(schemas_at(_root(), "Spec", path))
 
 
 @lru_cache
@@ -265,7 +237,7 @@ def _root() -> dict[str, Any]:
 
 
 def type_of(schema: dict[str, Any]) -> str:
-    kinds = [each.get("title") or each.get("type") for each in _forms(schema)]
+    kinds = [each.get("title") or each.get("type") for each in forms_of(_root(), schema)]
     return next((str(kind) for kind in kinds[::-1] if isinstance(kind, str) and kind != "null"), "")
 
 

@@ -7,9 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
-from itertools import chain
-from types import UnionType
-from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
@@ -19,6 +17,7 @@ from taskspec.language.source import Document, Path
 from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.merge import NAMED, Merged, merge, statement, variant_names
 from taskspec.language.task.schema import typed, values
+from taskspec.language.task.schema.export import keys_at
 from taskspec.language.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
 from taskspec.language.task.schema.values import Problem, advice
 
@@ -216,8 +215,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
         case "missing":
             yield _missing_key(loc)
         case "extra_forbidden":
-            known = _keys_at(model, loc[:-1])
-            yield values.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
+            yield values.unknown_key(str(loc[-1]), keys_at(model, loc[:-1])).below(*loc)
         case "literal_error":
             yield _not_an_option(error["input"], error["ctx"]["expected"], loc[-1:]).below(*loc)
         case other:
@@ -260,42 +258,6 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         hint = "put it in quotes" if expected == "text" and is_number else None
         return values.wrong_kind(expected, value, hint)
     return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
-
-
-def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
-    """Return the keys that an entry at a path can have, in the order of the models."""
-    annotations: list[Any] = [model]
-    for step in path:
-        annotations = list(chain.from_iterable(_step(each, step) for each in annotations))
-    keys = []
-    for annotation in annotations:
-        for each in _models_in(annotation):
-            keys += [field.alias or key for key, field in each.model_fields.items()]
-    return keys
-
-
-def _step(annotation: Any, step: str | int) -> Iterator[Any]:
-    """Yield the types that one step of a path leads to."""
-    arguments = get_args(annotation)
-    if get_origin(annotation) in (dict, list):
-        yield arguments[-1]
-    elif arguments:  # a union, or a type with its annotations
-        for part in arguments:
-            yield from _step(part, step)
-    else:
-        for model in _models_in(annotation):
-            field = model.model_fields.get(str(step))
-            extra = get_type_hints(model).get("__pydantic_extra__")
-            yield from [field.annotation] if field else get_args(extra)[1:]
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that a value of this type may be."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    elif get_origin(annotation) in (Union, UnionType, Annotated):
-        for part in get_args(annotation):
-            yield from _models_in(part)
 
 
 def _format(data: dict[str, Any]) -> Iterator[Problem]:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+import pathlib
+from collections.abc import Iterator
 from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import BaseModel, TypeAdapter
 
-from taskspec.language.source.document import EXTENDS
+from taskspec.language.source.document import EXTENDS, Path
 from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.schema.models import Extension, Spec
 from taskspec.language.task.schema.typed import FORM, NAMES
 from taskspec.language.task.schema.values import SPACES
 
-FORMS = Path(__file__).with_name("forms.json")
+FORMS = pathlib.Path(__file__).with_name("forms.json")
 """The JSON Schema of values that take several forms, which `values` checks by hand."""
 
 
@@ -43,6 +44,49 @@ def json_schema() -> dict[str, Any]:
         "else": _ref("Spec"),
         "$defs": dict(sorted(definitions.items())),
     }
+
+
+def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
+    """Return the keys that an entry at a path of a document can have, in the order of the models."""
+    root = json_schema()
+    if model.__name__ not in root["$defs"]:
+        root = {"$defs": {}, **TypeAdapter(model).json_schema(by_alias=True)}
+        root["$defs"][model.__name__] = root
+    found: dict[str, Any] = {}
+    for schema in schemas_at(root, model.__name__, path):
+        found |= schema.get("properties", {})
+    return tuple(found)
+
+
+def schemas_at(root: dict[str, Any], title: str, path: Path) -> list[dict[str, Any]]:
+    """Return what a JSON Schema says of the value at a path below one of its definitions, each form that it may have once."""
+    found = list(forms_of(root, root["$defs"][title]))
+    for step in path:
+        below = [_below(schema, step) for schema in found]
+        found = [form for each in below for form in forms_of(root, each)]
+    return list({id(each): each for each in found}.values())
+
+
+def _below(schema: dict[str, Any], step: str | int) -> Any:
+    if isinstance(step, int):
+        return schema.get("items")
+    more = schema.get("additionalProperties") or next(iter(schema.get("patternProperties", {}).values()), None)
+    return schema.get("properties", {}).get(step, more)
+
+
+def forms_of(root: dict[str, Any], schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield a schema and those that it refers to, each a form of the value."""
+    if not isinstance(schema, dict):
+        return
+    yield schema
+    reference = schema.get("$ref")
+    if reference is not None:
+        yield from forms_of(root, root["$defs"][reference.rpartition("/")[2]])
+    for word in ("then", "else"):
+        yield from forms_of(root, schema.get(word))
+    for word in ("anyOf", "oneOf", "allOf"):
+        for each in schema.get(word, ()):
+            yield from forms_of(root, each)
 
 
 def _linked(node: Any) -> Any:
