@@ -74,7 +74,7 @@ def test_a_right_learner_passes_and_a_wrong_one_fails_with_cause_task_and_comman
     result.assert_outcomes(passed=1, failed=1)
     printed = result.stdout.str()
     assert "Traceback" not in printed and "pytest_plugin.py" not in printed
-    assert "CoinWalk-v0: the values are those of a learner for which the time limit ends" in " ".join(printed.split())
+    assert "CoinWalk-v0: nearest known mistake: a learner for which the time limit ends" in " ".join(printed.split())
     assert "name: CoinWalk" in printed
     (line,) = {
         line for line in printed.splitlines() if line.startswith("To reproduce: ")

@@ -206,7 +206,7 @@ def tutorial() -> bytes:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mine"
         folder.mkdir()
-        (folder / "recall.yaml").write_text(spec_of("tutorial.md", "recall.yaml"), encoding="utf-8")
+        (folder / "recall.yaml").write_text(spec_of("start/tutorial.md", "recall.yaml"), encoding="utf-8")
         run(["docs", "recall.yaml", "-f", "pdf", "-o", "printed"], folder)
         place = ["-x", "85", "-y", "80", "-W", "660", "-H", "1000"]  # without margins
         command = ["pdftoppm", "-png", "-r", "100", *place, "-singlefile", "printed/document.pdf", "page"]

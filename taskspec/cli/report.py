@@ -36,9 +36,9 @@ def report(
 ) -> None:
     """Show and plot the results of an exam, or of several exams side by side.
 
-    For one exam: what is wrong and what to do, scores, diagnoses and flags, and as files a page ([green]html[/]), a
+    For one exam: what fails, the nearest known mistakes, scores and flags, and as files a page ([green]html[/]), a
     plot ([green]png[/], [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). For several: a
-    matrix of learners and tasks with diagnoses, and as files also strips of scores for each learner and each task.
+    matrix of learners and tasks with flags, and as files also strips of scores for each learner and each task.
 
     With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in the
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.

@@ -21,7 +21,7 @@ from taskspec.base.files import safe_name
 from taskspec.base.jobs.running import Running
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.asked_tasks import exam_id, tasks_of
-from taskspec.learn.exam.card import flag_text
+from taskspec.learn.exam.card import flag_text, nearest
 from taskspec.learn.exam.examining import SUITES, examine
 from taskspec.learn.exam.report import write
 from taskspec.learn.exam.results import Exam
@@ -150,7 +150,7 @@ class ExamOutcome:
         if len(problems) > MOST_PROBLEMS:
             lines.append(f"and {len(problems) - MOST_PROBLEMS} more")
         for diagnosis in exam["diagnoses"]:
-            lines += ["", *_wrapped(diagnosis["message"])]
+            lines += ["", *_wrapped(nearest(diagnosis))]
             lines += [*_wrapped(f"cause: {diagnosis['cause']}"), *_wrapped(f"try: {diagnosis['try']}")]
         lines += ["", f"{tasks[0]}:", *_spec(self._asked()[tasks[0]])]
         lines += ["", f"To reproduce: {self._command(tasks)}"]

@@ -15,8 +15,13 @@ from taskspec.learn.exam.learned import learned_notes
 from taskspec.learn.exam.score_rows import PUBLISHED, TaskRow, task_name, task_rows
 from taskspec.learn.exam.verdicts import FEWEST
 
-CAUSES = ("values", "reward", "policy")
-"""Kinds of flags that name a cause: a known mistake explains what was learned."""
+LEARNED = {
+    "values": "The learned values are nearer to those of a known mistake than to the right ones.",
+    "reward": "The learned reward is nearer to that of a known mistake than to the right one.",
+    "policy": "The policy is nearer to that of a known mistake than to the right one.",
+    "diagnosis": "The scores fit a known mistake that those of the baseline do not fit.",
+}
+"""First lines for kinds of flags whose messages name a mistake, which is a guess and no headline."""
 PASSING = ("masters", "passes")
 FIXED_PASSES = "Passes, but so does one fixed action"
 FLAG_WORDS = {
@@ -76,8 +81,8 @@ class Card:
         learner: its name.
         suite: the suite of the exam.
         terms: what it learned from, steps and seeds.
-        lead: what is wrong, in a sentence.
-        advice: what to do about it.
+        lead: what fails, or else what is flagged, in a sentence.
+        advice: the nearest known mistake, and what to do.
         passed: the tasks that are passed.
         tasks: all tasks in the order of the exam.
         rows: the tasks that need a look, worst first; all that were run where there is none.
@@ -140,10 +145,6 @@ def _word(exam: Mapping[str, Any], row: TaskRow) -> str:
     """Return what is wrong with a learner on a task, in few words."""
     if row.grade is None:
         return ""
-    if row.grade not in PASSING:
-        for diagnosis in exam["diagnoses"]:
-            if row.id in diagnosis["tasks"]:
-                return str(diagnosis["name"]).replace("_", " ")
     for flag in exam["flags"]:
         if flag["task"] == row.id:
             return FLAG_WORDS.get(flag["kind"], str(flag["kind"]))
@@ -188,23 +189,34 @@ def _passed(rows: Sequence[TaskRow]) -> str:
 
 
 def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[TaskRow]) -> tuple[str, str]:
-    """Return what is wrong, in a sentence, and what to do about it."""
-    for flag in exam["flags"]:
-        if flag["kind"] in CAUSES:
-            return _sentence(flag["message"]), flag.get("advice", "")
-    if exam["diagnoses"]:
-        first = exam["diagnoses"][0]
-        places = [row for row in rows if row.id in first["tasks"]]
-        where = f" ({_place(places[0])})" if places else ""
-        return _sentence(f"{first['message']}{where}"), _first_clause(first["try"])
+    """Return what was measured, in a sentence, and the nearest known mistake with what to do about it."""
+    mistake = _nearest_with_advice(exam)
     failing = [row for row in rows if row.grade in ("fails", None)]
     if failing:
         names = listed([_place(row) for row in failing])
-        return f"Fails {names}. No usual cause explains these scores.", ""
+        return f"Fails {names}.", mistake or "No known mistake explains these scores."
     if exam["flags"]:
-        first = exam["flags"][0]
-        return _sentence(f"{task_name(first['task'])}: {first['message']}"), ""
-    return _without_fault(rows, passed, len(exam["seeds"]))
+        first = min(exam["flags"], key=lambda flag: flag["kind"] in LEARNED)
+        message = _sentence(f"{task_name(first['task'])}: {first['message']}")
+        return LEARNED.get(first["kind"], message), mistake
+    lead, advice = _without_fault(rows, passed, len(exam["seeds"]))
+    return lead, mistake or advice
+
+
+def _nearest_with_advice(exam: Mapping[str, Any]) -> str:
+    """Return the known mistake that is nearest to what was learned, or else to the scores, and what to do; "" without one."""
+    for flag in exam["flags"]:
+        if "advice" in flag:
+            return f"{_sentence(flag['message'])} {flag['advice']}"
+    for diagnosis in exam["diagnoses"]:
+        return f"{_sentence(nearest(diagnosis))} {_first_clause(diagnosis['try'])}"
+    return ""
+
+
+def nearest(diagnosis: Mapping[str, Any]) -> str:
+    """Return the message of a diagnosis as the nearest of the known mistakes; others may have the same scores."""
+    message = diagnosis["message"]
+    return f"nearest known mistake: {message[0].lower()}{message[1:]}"
 
 
 def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: int) -> tuple[str, str]:

@@ -276,7 +276,7 @@ def _stem(name: str) -> str:
 
 
 def table(found: LearnerMatrix) -> Chart:
-    """Draw a matrix of learners and tasks: mean scores as published, the diagnosis in words, and the verdict as the colour."""
+    """Draw a matrix of learners and tasks: mean scores as published, flags or verdicts in words, verdicts as colours."""
     width, height = CELL
     across = len(found.tasks)
     down = len(found.learners)

@@ -9,7 +9,7 @@ from taskspec.base.columns import Columns
 from taskspec.base.display import fixed, interval, plural
 from taskspec.base.terminal import VisibleText, console, line
 from taskspec.exact.rules.score_rules import short_name
-from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
+from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix, nearest
 from taskspec.learn.exam.comparison import LearnersComparison, compare, lines
 from taskspec.learn.exam.results import Exam
 from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, SAMPLED, TaskRow, forms_of
@@ -42,7 +42,7 @@ def print_exams(exams: Mapping[str, Exam]) -> None:
 
 
 def print_matrix(exams: Mapping[str, Exam]) -> None:
-    """Print learners and tasks as a matrix of scores and diagnoses, and what is wrong with each learner."""
+    """Print learners and tasks as a matrix of scores and flags, and what is wrong with each learner."""
     found = matrix({name: card(exam) for name, exam in exams.items()})
     wide = console(wide=True)
     wide.print(matrix_text(found))
@@ -53,7 +53,7 @@ def print_matrix(exams: Mapping[str, Exam]) -> None:
 
 
 def card_text(shown: Card, width: int) -> Iterator[Printed]:
-    """Yield the card of an exam, with its diagnoses and flags, from top to bottom.
+    """Yield the card of an exam, with the nearest known mistakes and its flags, from top to bottom.
 
     Args:
         shown: the card.
@@ -69,7 +69,7 @@ def card_text(shown: Card, width: int) -> Iterator[Printed]:
     yield VisibleText(KEY, style="quiet")
     for each in shown.diagnoses:
         yield ""
-        yield line(("diagnosis ", "warn"), (each["message"], "title"))
+        yield VisibleText(nearest(each), style="warn")
         facts = (("", "; ".join(each["evidence"])), *((head, each[head]) for head in ("cause", "try", "source")))
         table = Columns("", "", fold=(1,), styles=("quiet",), gap=1)
         for head, words in facts:
@@ -162,7 +162,7 @@ def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
 
 
 def matrix_text(found: LearnerMatrix) -> Columns:
-    """Return learners and tasks as a matrix of scores and diagnoses."""
+    """Return learners and tasks as a matrix of scores and flags."""
     table = Columns("", *found.tasks, right=range(1, len(found.tasks) + 1), styles=("name",), names=0)
     for name, cells in zip(found.learners, found.cells, strict=True):
         words = []

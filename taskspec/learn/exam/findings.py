@@ -1,4 +1,4 @@
-"""Findings of a source, evaluated on results, and diagnoses: the usual causes of the scores of a learner."""
+"""Findings of a source, evaluated on results, and diagnoses: known mistakes that the scores of a learner fit."""
 
 from __future__ import annotations
 
@@ -268,7 +268,7 @@ def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosi
 def diagnosis_flag(exam: Exam, diagnosis: Diagnosis) -> Flag:
     """Return the flag of a diagnosis that an earlier exam does not have."""
     task = next(iter(diagnosis["tasks"] or exam["tasks"]))
-    message = f"a diagnosis that the baseline does not get: {diagnosis['message']}"
+    message = f"a known mistake is nearest that is not for the baseline: {diagnosis['message']}"
     return Flag(kind="diagnosis", task=task, message=message, effect=None, low=None, high=None)
 
 

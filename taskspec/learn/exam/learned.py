@@ -139,12 +139,12 @@ def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[
 # -- what explains them -----------------------------------------------------------------------------------------------
 
 Kind = Literal["values", "reward", "policy"]
-KINDS: dict[Kind, tuple[str, tuple[str, ...], str]] = {
-    "values": ("operators", GOOD, "the values are those"),
-    "reward": ("rewards", GOOD[:1], "the learned reward is that"),
-    "policy": ("pairings", GOOD[:1], "the policy is that"),
+KINDS: dict[Kind, tuple[str, tuple[str, ...]]] = {
+    "values": ("operators", GOOD),
+    "reward": ("rewards", GOOD[:1]),
+    "policy": ("pairings", GOOD[:1]),
 }
-"""What is explained: the field of a score with its distances, names that are no mistake, and how a sentence begins."""
+"""What is explained: the field of a score with its distances, and names that are no mistake."""
 
 
 @dataclass(frozen=True)
@@ -170,14 +170,14 @@ class Explanation:
 
     @property
     def message(self) -> str:
-        """The explanation in a sentence."""
+        """The explanation in a sentence. A name is the nearest of those that are known, which need not be the right one."""
         if not self.names:
             return f"no known mistake explains the learned {self.kind} (distance to the right {self.kind} {self.right:.2f})"
-        mistakes = ", or ".join(MISTAKES[name].what for name in self.names)
-        sentence = f"{KINDS[self.kind][2]} of a learner {mistakes}"
+        learner = "a learner " + ", or ".join(MISTAKES[name].what for name in self.names)
         if not self.is_mistake:
-            return f"{sentence} (distance {self.distance:.2f})"
-        return f"{sentence} (distance {self.distance:.2f}, to the right {self.kind} {self.right:.2f})."
+            return f"nearest to the learned {self.kind}: {learner} (distance {self.distance:.2f})"
+        distances = f"{self.kind} at distance {self.distance:.2f}, the right {self.kind} at {self.right:.2f}"
+        return f"nearest known mistake: {learner} ({distances})."
 
     @property
     def advice(self) -> str:
@@ -198,7 +198,7 @@ def _has_learned(score: Score) -> bool:
 
 def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
     """Yield what explains the values, rewards and policies that were learned in an exam, where they are known."""
-    for kind, (entry, good, _) in KINDS.items():
+    for kind, (entry, good) in KINDS.items():
         known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
         if not known:
             continue
@@ -215,7 +215,7 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:
-    """Return a flag for values, a reward and a policy, each where a known mistake explains it."""
+    """Return a flag for values, a reward and a policy, each where a known mistake is nearest."""
     found = []
     for each in explanations(scores):
         if each.is_mistake:

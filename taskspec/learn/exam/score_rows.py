@@ -71,7 +71,7 @@ class TaskRow:
         fixed: the score of the best action that is the same as published and relabelled.
         optimum: the score of the best policy.
         curves: a learning curve for each seed.
-        word: the diagnosis, flag or verdict in few words.
+        word: the flag or verdict in few words.
     """
 
     id: str

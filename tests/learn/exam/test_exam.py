@@ -346,9 +346,10 @@ def test_what_a_fixed_action_does_is_no_mastery() -> None:
     found = examine(untrained, tasks=["Parabola"], seeds=13, learns_from=["reward"])
     verdict = found["verdicts"]["continuous control"]
     assert verdict["mean"] > 0.9 and verdict["passed"] == 13 and verdict["verdict"] == "passes"
-    assert card(found).lead.startswith(
-        "Ignores its observations: on every seed it scores what the best fixed action scores"
+    nearest = (
+        "Nearest known mistake: ignores its observations: on every seed it scores what the best fixed action scores"
     )
+    assert card(found).advice.startswith(nearest)
     for twins, grade in ((0, "passes"), (2, "masters")):
         found = examine(counting.clone, tasks=["RiskyPath"], seeds=13, twins=twins)
         assert found["verdicts"]["stochastic transitions"]["verdict"] == grade

@@ -39,7 +39,7 @@ def examined(mistake: str, form: Callable[[Array], Any]) -> Any:
 def test_a_mistake_is_flagged_with_its_code_and_its_fix(capsys: pytest.CaptureFixture[str]) -> None:
     found = examined("limit is an end", lambda q: Learned(q, discount=GAMMA))
     (flag,) = [each for each in found["flags"] if each["kind"] == "values"]
-    assert "for which the time limit ends the world (distance 0." in flag["message"]
+    assert "for which the time limit ends the world (values at distance 0." in flag["message"]
     assert "done = terminated or truncated. Mask V(s') by terminated alone" in flag["advice"]
     of_walk = [score["operators"] for score in found["scores"] if "CoinWalk" in score["task"]]
     assert of_walk and all(each["limit is an end"] < each["right"] for each in of_walk)
@@ -52,7 +52,7 @@ def test_right_values_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str
     found = examined("right", lambda q: Learned(q, discount=GAMMA))
     assert not found["flags"]
     print_exams({"one": found})
-    line = "the values are those of a learner without a known mistake (distance 0.0"
+    line = "nearest to the learned values: a learner without a known mistake (distance 0.0"
     assert line in " ".join(capsys.readouterr().out.split())
     assert line in page(card(found))
 
