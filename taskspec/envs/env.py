@@ -17,7 +17,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.envs import window
 from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError, one_of, reset_option, seed_of
-from taskspec.envs.state import flat_state, plain_state, require_legal
+from taskspec.envs.state import all_legal, flat_state, plain_state
 from taskspec.language import draws
 from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.types import TIME, Role
@@ -156,13 +156,13 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         self._window.show(self._drawn())
 
     def action_masks(self) -> Array:
-        """Return the legal actions of the present state, bool (n,), as MaskablePPO asks for them.
+        """Return the legal actions of the present state, bool (n,), as MaskablePPO asks for them; all, without `legal`.
 
         Raises:
-            SpecError: E713, where the spec has no `legal:`.
+            SpecError: E713, where the actions are infinite.
         """
-        require_legal(self.task)
-        assert self._lane.mask is not None
+        if self._lane.mask is None:
+            return all_legal(self.task)
         return self._lane.mask().astype(np.bool_)
 
     @property

@@ -14,7 +14,7 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.named import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
-from taskspec.language.expressions.types import Domain, Kind, Role
+from taskspec.language.expressions.types import Domain, Kind
 from taskspec.language.task.legal import action_mask
 from taskspec.language.task.parts import Component, RenderMode, are_finite
 from taskspec.language.task.spaces import single, space
@@ -140,42 +140,6 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return infos
 
 
-LOOKED_UP = 500_000
-"""Elements of a table of the masks of all states, at most."""
-
-
-class Masks:
-    """The legal actions of all lanes: looked up where there are few states, which takes a tenth of the time, else worked out.
-
-    Args:
-        state: the arrays (*shape, N) of the components, which hold the present state.
-    """
-
-    def __init__(self, task: Task, state: Sequence[Array]) -> None:
-        self._task = task
-        self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
-        self._table: Array | None = None
-        from taskspec.exact.model.space import Space  # with SciPy, which other environments do not need
-
-        space = Space(task.state, Role.STATE)
-        if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
-            every = {name: values for (_, name), values in space.decode(np.arange(space.size)).items()}
-            self._table = np.ascontiguousarray(action_mask(task, every).T, np.int8)
-            self._strides = [np.array(strides, np.int64) for strides in space.strides]
-            lows = [np.array(c.low, np.int64) for c in task.state]
-            self._first = sum(int(low @ each) for low, each in zip(lows, self._strides, strict=True))
-
-    def __call__(self) -> Array:
-        """Return masks, int8 (N, n)."""
-        if self._table is None:
-            return action_mask(self._task, self._state).T.astype(np.int8)
-        codes: Array = np.array(-self._first)
-        for strides, part in zip(self._strides, self._state.values(), strict=True):
-            elements = part.reshape(len(strides), part.shape[-1]).astype(np.int64, copy=False)
-            codes = codes + strides @ elements
-        return self._table.take(codes, axis=0)
-
-
 def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:
     """Return measures (N,) by name as Gymnasium's vector environments have them: with masks, bool (N,), and 0 in other lanes."""
     if not lanes.any():
@@ -238,7 +202,8 @@ class LaneView:
 
     def action_masks(self) -> Array:
         """Return the legal actions of the present state, bool (n,)."""
-        require_legal(self.task)
+        if not self.task.mask:
+            return all_legal(self.task)
         states = {
             c.name: s[..., self.number, None] for c, s in zip(self.task.state, self.engine.buffers.state, strict=True)
         }
@@ -266,14 +231,19 @@ KNOWN = (
 )  # fmt: skip
 
 
-def require_legal(task: Task) -> None:
-    """Refuse to say which actions are legal where all are.
+def all_legal(task: Task) -> Array:
+    """Return the mask of a task without `legal`: True for every value of every component of an action.
+
+    Returns:
+        bool (n,); for several components one after the other, as MaskablePPO wants it.
 
     Raises:
-        SpecError: E713.
+        SpecError: E713, where the actions are infinite.
     """
-    if not task.mask:
-        raise spec_error("E713", f"{task.id} has no `legal:`; all its actions are legal")
+    layout = task.action_layout
+    if layout.form not in ("discrete", "multi_discrete"):
+        raise spec_error("E713", f"the actions of {task.id} are infinite, and have no mask")
+    return np.ones(sum(layout.counts), np.bool_)
 
 
 def refuse_to_set(name: str) -> NoReturn:

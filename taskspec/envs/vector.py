@@ -34,7 +34,6 @@ from taskspec.envs.options import (
 from taskspec.envs.state import (
     RENDER_MODES,
     LaneView,
-    Masks,
     lane_render_mode,
     masked,
     refuse_to_set,
@@ -50,7 +49,7 @@ from taskspec.language.task.spaces import space
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.programs import backend_table
 from taskspec.programs.backend_table import BackendName
-from taskspec.programs.vector_program import BadActionError, LanesNotRunningError, Mode, Options
+from taskspec.programs.vector_program import BadActionError, LanesNotRunningError, Masks, Mode, Options
 
 __all__ = ["VectorEnvironment"]
 

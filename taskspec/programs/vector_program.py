@@ -1,4 +1,4 @@
-"""Programs that step many environments: their memory, how actions are read, and when episodes begin.
+"""Programs that step many environments: their memory, how actions are read, which are legal, and when episodes begin.
 
 Arrays have their features first and the lanes last: each feature of all lanes is together, which is what array code and
 vector units want. What is handed out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
@@ -7,7 +7,7 @@ vector units want. What is handed out has the lanes first, as Gymnasium expects,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -15,6 +15,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.language.expressions.types import Kind
+from taskspec.language.task.legal import action_mask
+from taskspec.language.task.parts import are_finite, counts_of
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
 
@@ -210,6 +212,57 @@ def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
         return tuple(found)
 
     return read
+
+
+# -- legal actions --------------------------------------------------------------------------------------------------
+
+LOOKED_UP = 500_000
+"""Elements of a table of the masks of all states, at most."""
+
+
+class Masks:
+    """The legal actions of all lanes: looked up where there are few states, which takes a tenth of the time, else worked out.
+
+    Args:
+        task: a task with `legal`.
+        state: the arrays (*shape, N) of the components, which hold the present state.
+    """
+
+    def __init__(self, task: Task, state: Sequence[Array]) -> None:
+        self._task = task
+        self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
+        self._table: Array | None = None
+        if not are_finite(task.state):
+            return
+        counts = counts_of(task.state)
+        number = math.prod(counts)
+        if number * task.action_layout.counts[0] > LOOKED_UP:
+            return
+        rows = np.indices(counts).reshape(len(counts), number)  # of all states, the last element fastest
+        strides = np.array([math.prod(counts[k + 1 :]) for k in range(len(counts))], np.int64)
+        self._strides = []
+        self._lowest = 0  # what the lowest state would be numbered without its lows
+        every = {}
+        first = 0
+        for c in task.state:
+            mine = slice(first, first + c.type.size)
+            low = np.array(c.low, np.int64)
+            values = rows[mine] + low[:, None]
+            every[c.name] = values.astype(DTYPES[c.type.kind]).reshape(*c.type.shape, number)
+            self._strides.append(strides[mine])
+            self._lowest += int(low @ strides[mine])
+            first += c.type.size
+        self._table = np.ascontiguousarray(action_mask(task, every).T, np.int8)
+
+    def __call__(self) -> Array:
+        """Return masks, int8 (N, n)."""
+        if self._table is None:
+            return action_mask(self._task, self._state).T.astype(np.int8)
+        numbers: Array = np.array(-self._lowest)
+        for strides, part in zip(self._strides, self._state.values(), strict=True):
+            elements = part.reshape(len(strides), part.shape[-1]).astype(np.int64, copy=False)
+            numbers = numbers + strides @ elements
+        return self._table.take(numbers, axis=0)
 
 
 # -- the interface --------------------------------------------------------------------------------------------------

@@ -116,6 +116,6 @@ def test_stable_baselines3_renders_and_asks_lanes() -> None:
     assert env.render().shape == (960, 1280, 3)
     assert env.env_method("render", indices=[1])[0].shape == (480, 640, 3)
     assert env.get_attr("state", indices=1) == [alone.state]
-    assert env.has_attr("time") and not env.has_attr("action_masks")
+    assert env.has_attr("time") and env.has_attr("action_masks") and not env.has_attr("taught")
     with pytest.raises(LaneError, match="E713"):
         env.set_attr("state", {})
