@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import NoReturn
 
 import numpy as np
@@ -42,6 +42,11 @@ class Moved:
     terminal: Array
 
 
+STEPS_AHEAD = 16
+WORDS_AHEAD = 16_384
+"""Random words drawn together, at most, unless a single step takes more."""
+
+
 class Rollout:
     """Steps a task's array form. Arrays are (*shape, lanes)."""
 
@@ -49,6 +54,9 @@ class Rollout:
         self.task = task
         self.lanes = lanes
         self.seeds = draws.lane_seeds(seed, lanes)
+        self._depth = max(1, min(STEPS_AHEAD, WORDS_AHEAD // max(1, lanes * task.step_words.count)))
+        self._ahead = range(0)  # the steps whose words are drawn
+        self._words_ahead: Array = np.empty((0, 0, lanes), np.uint32)  # (count, steps, lanes)
 
     @property
     def words(self) -> int:
@@ -62,10 +70,19 @@ class Rollout:
 
     def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
         """Return one step at time t; `steps` counts those since the seed was set (t in the first episode)."""
-        words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self.task.step_words.count)
+        words = self._step_words(t if steps is None else steps)
         roots = (*self.task.process.next, self.task.process.reward, self.task.process.terminal)
         *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
         return Moved(dict(zip(state, following, strict=True)), reward, terminal)
+
+    def _step_words(self, step: int) -> Array:
+        """Return the random words of a step, uint32 (count, lanes); those of the steps after it are drawn with them."""
+        if step not in self._ahead:
+            self._ahead = range(step, step + self._depth)
+            first = np.full(self.lanes, step, np.uint32)
+            words = draws.lanes_ahead(self.seeds, first, self._depth, self.task.step_words.count)
+            self._words_ahead = words.reshape(-1, self._depth, self.lanes)
+        return self._words_ahead[:, step - self._ahead.start]
 
     def _values(
         self, roots: Sequence[Expression], reads: Mapping[Key, Array], layout: WordLayout, words: Array
@@ -149,11 +166,25 @@ MANY_STEPS = 1000
 HELD = 0.25  # nominal seconds for the episodes of constant actions
 
 
-def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
-    """Return states in which some episodes act, with actions and times; with `ends`, also the states in which they end.
+@dataclass(frozen=True)
+class Visited:
+    """States of some episodes, with actions and times: of one step after the other, each with whether episodes end there."""
 
-    Episodes act at random, by holding on to an action, and by the expert.
-    """
+    parts: Sequence[tuple[bool, Mapping[Key, Array]]]
+
+    @cached_property
+    def acting(self) -> Mapping[Key, Array]:
+        """The states in which episodes act."""
+        return columns([reads for is_end, reads in self.parts if not is_end])
+
+    @cached_property
+    def entered(self) -> Mapping[Key, Array]:
+        """These, and the states in which episodes end."""
+        return columns([reads for _, reads in self.parts])
+
+
+def visited(task: Task) -> Visited:
+    """Return states of episodes that act at random, by holding on to an action, and by the expert."""
     rng = np.random.default_rng(0)
     far = _affordable(task)
     rounds = max(1, far // max(STEPS, task.horizon or far))
@@ -163,10 +194,10 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     size = total_size((*task.state, *task.action))
     numbers = size * sum(steps * lanes for _, steps, lanes in everyone)
     share = min(1.0, limits().megabytes * 1e6 / (BYTES * numbers))
-    parts: list[dict[Key, Array]] = []
+    parts: list[tuple[bool, Mapping[Key, Array]]] = []
     for choose, steps, lanes in everyone:
-        parts += _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
-    return columns(parts)
+        parts += _episodes(task, choose, max(1, int(share * lanes)), steps, rng)
+    return Visited(parts)
 
 
 def _affordable(task: Task) -> int:
@@ -176,9 +207,12 @@ def _affordable(task: Task) -> int:
 
 
 def _episodes(
-    task: Task, choose: Choose, lanes: int, most: int, ends: bool, rng: np.random.Generator
-) -> Iterator[dict[Key, Array]]:
-    """Yield the reads of each step of episodes with `most` steps together; new ones begin when all lanes have ended."""
+    task: Task, choose: Choose, lanes: int, most: int, rng: np.random.Generator
+) -> Iterator[tuple[bool, Mapping[Key, Array]]]:
+    """Yield the reads of each step of episodes with `most` steps together, then those of the lanes that end in it.
+
+    New episodes begin when all lanes have ended.
+    """
     rollout = Rollout(task, lanes)
     state = rollout.start()
     going = np.ones(lanes, np.bool_)
@@ -187,11 +221,11 @@ def _episodes(
     for steps in range(most):
         chosen = choose(state, t, rng)
         action = {c.name: _within(c, chosen[c.name]) for c in task.action}
-        yield _picked(reads_of(state, action, t), going)
+        yield False, _picked(reads_of(state, action, t), going)
         moved = rollout.step(state, action, t, steps)
         ended = going & (moved.terminal | (t + 1 == task.horizon))
-        if ends:
-            yield _picked(reads_of(moved.state, action, t + 1), ended)
+        if ended.any():
+            yield True, _picked(reads_of(moved.state, action, t + 1), ended)
         going = going & ~ended
         state = {n: np.where(going, moved.state[n], state[n]) for n in state}
         t = t + 1

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, refuse
@@ -59,6 +58,8 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
     if len(states) > DIRECT:
         found[states] = fixed_point(lambda v: r + P @ v, r, P.nnz)
         return found
+    from scipy.sparse.linalg import splu  # a twentieth of a second, for this alone
+
     left = sparse.identity(len(r), format="csc") - P.tocsc()
     try:
         factors = splu(left)

@@ -71,7 +71,7 @@ def moved_indices(task: Task, model: Model | None) -> Iterator[MovedIndex]:
 def _acting_points(task: Task, model: Model | None, roots: Sequence[Node]) -> Reads:
     """Return the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
     if model is None:
-        return visited(task)
+        return visited(task).acting
     read = reads(roots)
     actions = 1
     if any(role is Role.ACTION for role, _ in read):

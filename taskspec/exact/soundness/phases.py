@@ -17,7 +17,7 @@ from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.points import Batch, Cost, Grid, Method, Samples, columns, drawn, resampled
 from taskspec.exact.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.exact.model.transitions import Branch, Steps, branches, count, is_finite, outcome_count
-from taskspec.exact.rollout.rollout import entered, visited
+from taskspec.exact.rollout.rollout import Visited, entered, visited
 from taskspec.exact.soundness.places import SectionScope, Written, distributions
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.batch import evaluate
@@ -155,12 +155,8 @@ class PhaseBuilder:
         return reach(self.task.state, process.initial, process.next, self.task.horizon, tight=True)
 
     @cached_property
-    def acting(self) -> Reads:
+    def visited(self) -> Visited:
         return visited(self.task)
-
-    @cached_property
-    def entered(self) -> Reads:
-        return visited(self.task, ends=True)
 
     def phase(self, name: str, checks: Sequence[Check]) -> CheckPhase:
         """Return the checks that bounds do not prove: at all points of a finite task, otherwise at samples."""
@@ -196,7 +192,7 @@ class PhaseBuilder:
         task = self.task
         rng = np.random.default_rng(1)
         actions = [(Role.ACTION, c) for c in task.action]
-        known = self.entered if ends else self.acting
+        known = self.visited.entered if ends else self.visited.acting
         points = columns([known, resampled(known, actions, rng)])
         has_reals = any(c.type.kind is Kind.REAL for c in task.state)
         if has_reals and total_size(task.state) > 1:
@@ -457,7 +453,8 @@ class Examination:
     @cached_property
     def _seen(self) -> Array:
         """States of a few episodes, for tasks in which the search for all of them costs too much."""
-        found = visited(self.task, self.phase.name == "observation")
+        episodes = visited(self.task)
+        found = episodes.entered if self.phase.name == "observation" else episodes.acting
         space = Space(self.task.state, Role.STATE)
         return distinct(space.encode([found[c.read] for c in self.task.state], found[TIME].shape[-1])[0])
 
