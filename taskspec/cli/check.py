@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -48,6 +48,10 @@ def check(
     quick: Annotated[
         bool, Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
     ] = False,
+    all_backends: Annotated[
+        bool,
+        Option("--all-backends", help="Also run what takes seconds to compile: every backend that is installed."),
+    ] = False,
     fix: Annotated[
         bool, Option("--fix", help="Write what hints say to write into the files, and check them again.")
     ] = False,
@@ -58,7 +62,8 @@ def check(
 
     For every task and variant of the given files and folders, it checks the shape of the spec, the meaning of every
     expression, soundness (with a counterexample where it fails) for the default parameters and at the ends of their
-    ranges, sanity checks, and the claims. With [green]-p[/], it checks soundness and sanity for those parameters. For
+    ranges, sanity checks, and the claims. The scalar and the NumPy program are reset and stepped at each of these settings, and
+    compared with the reference interpreter. With [green]-p[/], it checks soundness and sanity for those parameters. For
     experiments, it checks that every instance exists; for exams and findings, that every rule is meaningful.
 
     Exit status 1 if there is an error.
@@ -72,14 +77,15 @@ def check(
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     others = others_of(targets or [])
-    reports = _checked(others, files, not quick, jobs)
+    prove = partial(examine, sense=not quick, all_backends=all_backends)
+    reports = _checked(others, files, prove, jobs)
     if fix:
         from taskspec.tools.authoring.formatting import fix_files
 
         number = fix_files(d for report in reports for d in report.diagnostics)
         console(err=True).print(f"{plural(number, 'mistake')} put right")
         if number:
-            reports = _checked(others, files, not quick, jobs)
+            reports = _checked(others, files, prove, jobs)
     problems = [d for report in reports for d in report.diagnostics]
     seconds = time.perf_counter() - start
     if json or format == "json":
@@ -97,7 +103,7 @@ def check(
 
 
 def _checked(
-    others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
+    others: Iterable[tuple[Path, Kind]], files: Iterable[File], prove: Callable[..., Report], jobs: int | None
 ) -> list[FileReport]:
     from taskspec import exact  # noqa: F401  # before processes are forked, which then need not import them again
     from taskspec.exact.check.file_checks import check_file, run_checks
@@ -105,24 +111,27 @@ def _checked(
 
     checks: list[FileCheck] = [(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
-        prove = partial(examine, sense=sense, defaults=not file.parameters)
-        checks.append((file.path, partial(check_file, file, prove)))
+        checks.append((file.path, partial(check_file, file, partial(prove, defaults=not file.parameters))))
     with progress("check"):
         return run_checks(checks, jobs)
 
 
-def examine(task: Task, sense: bool = True, defaults: bool = True) -> Report:
+def examine(task: Task, sense: bool = True, defaults: bool = True, all_backends: bool = False) -> Report:
     """Check a task.
 
     Args:
         task: a task without mistakes of form.
-        sense: also check sanity and claims, beyond soundness.
+        sense: also check sanity, claims and programs, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
+        all_backends: whether every backend that is installed is run, not only what is generated in milliseconds.
     """
     from taskspec import exact
+    from taskspec.programs.agreement import EVERY, QUICK
 
-    wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=_looks if sense else None)
+    if not sense:
+        return exact.check(task, ranges=False, with_warnings=False, claims=False, programs=())
+    programs = EVERY if all_backends else QUICK
+    return exact.check(task, ranges=defaults, claims=defaults, programs=programs, beside=_looks)
 
 
 def _looks(task: Task) -> list[Diagnostic]:
@@ -137,7 +146,8 @@ def check_other(path: Path, kind: Kind) -> FileReport:
     """Check a file that is not a spec: its shape, and that all its instances, rules or findings mean something."""
     from taskspec.exact.check.file_checks import FileReport
     from taskspec.exact.rules.rule_books import read_exam, read_findings
-    from taskspec.experiments import expand, read
+    from taskspec.learn.experiments.experiment_file import read
+    from taskspec.learn.experiments.instances import expand
 
     try:
         if kind == "experiment":
@@ -161,6 +171,39 @@ def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic])
         out.print()
     out.print(_table(reports))
     out.print()
+    tasks = [each for report in reports for each in report.tasks]
+    for text in _programs(tasks):
+        out.print(text, style="quiet")
+
+
+def _programs(tasks: Sequence[Checked]) -> Iterator[str]:
+    """Yield which programs were compared with the interpreter, and which were not, and why."""
+    from taskspec.programs.agreement import EVERY
+
+    run = Counter[str]()
+    left_out = Counter[tuple[str, str]]()
+    for each in tasks:
+        run.update(each.programs)
+        left_out.update(each.left_out)
+    for number, names in _grouped(run).items():
+        if number:
+            yield f"programs: {', '.join(names)} ran at {plural(number, 'setting')} as the interpreter"
+    for reason in dict.fromkeys(reason for _, reason in left_out):
+        without = {name: number for (name, why), number in left_out.items() if why == reason}
+        for number, names in _grouped(without).items():
+            yield f"not run at {plural(number, 'setting')}: {', '.join(names)} ({reason})"
+    tried = {*run, *(name for name, _ in left_out)}
+    others = [name for name in EVERY if name not in tried]
+    if tried and others:
+        yield f"not run: {', '.join(others)} (--all-backends)"
+
+
+def _grouped(counts: Mapping[str, int]) -> dict[int, list[str]]:
+    """Return the names of each count."""
+    names: dict[int, list[str]] = {}
+    for name, number in counts.items():
+        names.setdefault(number, []).append(name)
+    return names
 
 
 def _table(reports: Sequence[FileReport]) -> Columns:
@@ -294,11 +337,13 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
 
     errors, warnings = counts(each.diagnostics)
     statuses = [claim["status"] for claim in each.claims]
+    left_out = [{"program": p, "reason": reason, "settings": n} for (p, reason), n in each.left_out.items()]
     return {
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.method, "other_parameter_values": each.cases, "claims_proved": statuses.count("proved"),
         "claims_tested": statuses.count("tested"), "claims": each.claims, "examples": each.examples,
         "examples_wrong": each.wrong_examples, "claims_not_checked": each.untried_claims,
         "other_parameter_values_not_checked": each.untried_cases, "warnings_not_looked_for": each.untried,
-        "symmetries": each.symmetries, "seconds": round(each.seconds, 6),
+        "symmetries": each.symmetries, "programs": each.programs, "programs_not_run": left_out,
+        "seconds": round(each.seconds, 6),
     }  # fmt: skip

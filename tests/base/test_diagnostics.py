@@ -192,7 +192,7 @@ def test_suggest(name: str, candidates: list[str], expected: str | None) -> None
 @pytest.mark.parametrize("code", codes().values(), ids=lambda code: code.code)
 def test_every_code_is_explained(code: object) -> None:
     entry = codes()[code.code]  # type: ignore[attr-defined]
-    assert re.fullmatch(r"[EW][1-7]\d\d", entry.code)
+    assert re.fullmatch(r"[EW][1-8]\d\d", entry.code)
     assert re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", entry.slug)
     assert entry.severity == ("warning" if entry.code[1] == "5" else "error")
     assert (entry.code[0] == "W") == (entry.code[1] == "5")

@@ -11,7 +11,7 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import soundness
 from taskspec.language.task.task import Task
-from tests.shared.interpreter import Interpreter
+from taskspec.programs.reference import ReferenceProgram
 from tests.shared.walks import written
 
 # -- observations outside their space ---------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def test_reals_beyond_float32_are_seen_as_infinite(observation: str) -> None:
 
 def steps(task: Task, count: int) -> list[Any]:
     """Rewards, the same in the interpreter."""
-    env, reference = taskspec.make(task), Interpreter(task, 0)
+    env, reference = taskspec.make(task), ReferenceProgram(task, 0)
     env.reset(seed=0)
     reference.reset()
     rewards = []

@@ -14,14 +14,16 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+import taskspec
 from taskspec.envs.env import Environment
 from taskspec.envs.options import Autoreset, NotRunningError
 from taskspec.envs.state import plain_state
-from taskspec.envs.vector import VectorEnvironment
-from taskspec.language.task.spaces import pack, unpack
-from taskspec.language.task.task import Task
+from taskspec.language.expressions.ir import plain
+from taskspec.language.task.parts import are_finite
+from taskspec.language.task.spaces import pack, singles, unpack
+from taskspec.language.task.task import Task, TaskLike
 from taskspec.programs.backend_table import BACKENDS, BackendName
-from tests.shared.interpreter import Interpreter
+from taskspec.programs.reference import ReferenceProgram
 
 
 def check_environment(make: Callable[[], gymnasium.Env[Any, Any]], steps: int = 100, seed: int = 0) -> None:
@@ -77,18 +79,41 @@ class ReferenceEnv:
         self.task = task
         self._observation = task.observation_layout
         self._action = task.action_layout
-        self._run = Interpreter(task, 0)
+        self._run = ReferenceProgram(task, 0)
 
     def reset(self, *, seed: int | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; with a seed, the stream of draws as well."""
         if seed is not None:
-            self._run = Interpreter(self.task, seed)
-        return pack(self._observation, self._run.reset()), {}
+            self._run = ReferenceProgram(self.task, seed)
+        return pack(self._observation, self._run.reset()), self._masked({})
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Observation, reward, terminated, truncated, info."""
+        states = {"old_state": self._told()}
         seen, reward, terminated, truncated = self._run.step(unpack(self._action, action))
-        return pack(self._observation, seen), float(reward), terminated, truncated, {}
+        states["new_state"] = self._told()
+        info: dict[str, Any] = {name: states[name] for name in self.task.info}
+        if self._run.measures:
+            info["measures"] = dict(self._run.measures)
+        return pack(self._observation, seen), reward, terminated, truncated, self._masked(info)
+
+    def _masked(self, info: dict[str, Any]) -> dict[str, Any]:
+        if self.task.mask:
+            info["action_mask"] = np.array(self._run.mask(), np.int8)
+        return info
+
+    def _told(self) -> Any:
+        """The present state as infos tell it: an int where it is one finite number, else an array."""
+        components = self.task.state
+        numbers = [plain(number) for flat in self._run.state for number in flat]
+        shape = (len(numbers),)
+        if len(components) == 1:
+            shape = components[0].type.shape
+        if not are_finite(components):
+            return singles(numbers, shape)
+        if not shape:
+            return int(numbers[0])
+        return np.array(numbers, np.int64).reshape(shape)
 
     @property
     def state(self) -> Mapping[str, Any]:
@@ -104,7 +129,7 @@ class Agreement:
     `one` makes what it is compared with. With `states`, states are compared as well, in the precision they are kept in.
     """
 
-    task: Task
+    task: TaskLike
     backend: BackendName
     lanes: int
     mode: Autoreset
@@ -113,16 +138,18 @@ class Agreement:
     states: bool = False
 
     def __post_init__(self) -> None:
-        self.vector = VectorEnvironment(self.task, self.lanes, backend=self.backend, autoreset_mode=self.mode)
-        self.scalars = [self.one(self.task) for _ in range(self.lanes)]
+        self.vector = taskspec.make_vec(self.task, num_envs=self.lanes, backend=self.backend, autoreset_mode=self.mode)
+        self.scalars = [self.one(taskspec.load(self.task)) for _ in range(self.lanes)]
         self.pending = [False] * self.lanes
         self.tolerance = BACKENDS[self.backend].tolerance
 
     def run(self, steps: int) -> None:
         """Compare a reset and that many steps with random actions."""
-        seen, _ = self.vector.reset(seed=self.seed)
+        seen, infos = self.vector.reset(seed=self.seed)
         for i, env in enumerate(self.scalars):
-            self.same(seen, i, env.reset(seed=self.seed + i)[0])
+            expected, told = env.reset(seed=self.seed + i)
+            self.same(seen, i, expected)
+            self.same_infos(infos, i, told)
         self.vector.action_space.seed(5)
         for _ in range(steps):
             self.step(self.vector.action_space.sample())
@@ -131,12 +158,16 @@ class Agreement:
         seen, reward, terminated, truncated, infos = self.vector.step(actions)
         for i, env in enumerate(self.scalars):
             if self.pending[i]:
-                self.same(seen, i, env.reset()[0])
+                expected, told = env.reset()
+                self.same(seen, i, expected)
+                self.same_infos(infos, i, told)
                 assert (reward[i], terminated[i], truncated[i]) == (0, False, False)
                 self.pending[i] = False
                 continue
-            expected, r, *flags, _ = env.step(actions[i])
+            expected, r, *flags, told = env.step(actions[i])
             assert flags == [terminated[i], truncated[i]]
+            if self.mode != "SameStep":
+                self.same_infos(infos, i, told)
             self.close(reward[i], r)
             if any(flags):
                 self.ended(i, seen, expected, infos)
@@ -161,7 +192,9 @@ class Agreement:
                 self.close(final[i][name], value)
         else:
             self.close(final[i], expected)
-        self.same(seen, i, self.scalars[i].reset()[0])
+        expected, told = self.scalars[i].reset()
+        self.same(seen, i, expected)
+        self.same_infos(infos, i, told)
 
     def reset_some(self, mask: Any) -> None:
         seen, _ = self.vector.reset(options={"reset_mask": mask})
@@ -174,6 +207,15 @@ class Agreement:
                 self.close(seen[name][lane], value)
         else:
             self.close(seen[lane], expected)
+
+    def same_infos(self, infos: Mapping[str, Any], lane: int, expected: Mapping[str, Any]) -> None:
+        """Masks, measures and states of a lane are those of one environment."""
+        for name, value in expected.items():
+            assert infos[f"_{name}"][lane]
+            if name == "measures":
+                self.same_infos(infos[name], lane, value)
+            else:
+                self.close(infos[name][lane], value)
 
     def same_state(self, actual: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
         for name, value in expected.items():

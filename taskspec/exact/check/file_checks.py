@@ -8,9 +8,9 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
@@ -31,9 +31,9 @@ class Checked:
 
     `id` is None where the task could not be built, and `task` also where it was checked in another process. `how` says in a
     few words how soundness was decided, `method` in full. `cases` counts the other parameter values that were tried; `claims`
-    and `symmetries` are as `--json` writes them. What was not checked is in `untried` (the codes of warnings that a limit kept
-    from being looked for), `untried_cases` and `untried_claims`. `accepted` are the warnings that the spec gives a reason for,
-    which are not among the `diagnostics`.
+    and `symmetries` are as `--json` writes them, `programs` and `left_out` as in `Report`. What was not checked is in `untried`
+    (the codes of warnings that a limit kept from being looked for), `untried_cases` and `untried_claims`. `accepted` are the
+    warnings that the spec gives a reason for, which are not among the `diagnostics`.
     """
 
     name: str
@@ -53,6 +53,8 @@ class Checked:
     untried: tuple[str, ...] = ()
     untried_cases: int = 0
     untried_claims: int = 0
+    programs: Mapping[str, int] = field(default_factory=dict)
+    left_out: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,7 @@ def check_task(file: File, variant: str | None, prove: Callable[[Task], Report])
         task.name, variant, report.diagnostics, how, time.perf_counter() - start, task.id, task, str(method),
         len(report.cases), report.accepted, report.examples, len(report.wrong_examples),
         tuple(v.record() for v in report.verdicts), tuple(each.record() for each in report.symmetries), report.untried,
-        report.untried_cases, report.untried_claims,
+        report.untried_cases, report.untried_claims, report.programs, report.left_out,
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from taskspec.language.registry import load
 from taskspec.language.task.merge import merge
 from taskspec.language.task.questions import written_in
 from taskspec.language.task.task import Task, TaskLike
+from taskspec.programs.agreement import QUICK, ProgramChecks
 
 KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
     ("W501", model_warnings.unreachable),
@@ -128,6 +129,8 @@ class Report:
         untried_cases: how many other parameter values were not checked, because a limit forbids so many builds.
         accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
         wrong_examples: numbers of examples that are not confirmed.
+        programs: the number of settings at which each program did what the interpreter does.
+        left_out: the number of settings at which a program was not, by program and reason.
     """
 
     task: Task
@@ -140,6 +143,8 @@ class Report:
     accepted: tuple[Accepted, ...] = ()
     wrong_examples: frozenset[int] = frozenset()
     symmetries: tuple[SymmetryCheck, ...] = ()
+    programs: Mapping[str, int] = field(default_factory=dict)
+    left_out: Mapping[tuple[str, str], int] = field(default_factory=dict)
     untried: tuple[str, ...] = ()
     untried_cases: int = 0
 
@@ -180,6 +185,7 @@ def check(  # noqa: C901
     ranges: bool = True,
     with_warnings: bool = True,
     claims: bool = True,
+    programs: Sequence[str] = QUICK,
     beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
 ) -> Report:
     """Check a task; a wrong task raises nothing, all mistakes are in the report.
@@ -188,36 +194,37 @@ def check(  # noqa: C901
         ranges: whether to check soundness for other parameter values, too.
         with_warnings: whether to look for warnings.
         claims: whether to evaluate claims and examples.
+        programs: "scalar" and names of backends, whose programs are reset and stepped at every setting, and compared with the
+            reference interpreter.
         beside: gives the warnings of other parts of the package (`ELSEWHERE`) for sound tasks; None if they are not looked for.
     """
     task = load(task)
     sound = examine(task)
     found = list(sound.diagnostics)
+    is_sound = not any(d.severity == "error" for d in found)
+    run = ProgramChecks(programs)
+    if is_sound:
+        found += run.problems(task)
     others = Ranges()
     if ranges and task.parameters:
-        others = check_ranges(task)
+        others = check_ranges(task, beside=run.problems)
         found += others.diagnostics
-    symmetries = []
-    for symmetry in task.annotations.symmetries if is_as_written(task) else ():
-        each = verify_symmetry(task, symmetry)
-        symmetries.append(each)
+    symmetries = _symmetries(task)
+    for each in symmetries:
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
-    examples = 0
+    examples = len(task.annotations.examples) * claims
     wrong = set()
-    if claims:
-        examples = len(task.annotations.examples)
-        for number, problem in wrong_examples(task):
-            wrong.add(number)
-            found.append(problem)
+    for number, problem in wrong_examples(task) if claims else ():
+        wrong.add(number)
+        found.append(problem)
     results = Results(task)
     decided: tuple[Verdict, ...] = ()
     untried: tuple[str, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
         doubts, untried = _warnings(task, results)
         found += doubts
-    is_sound = not any(d.severity == "error" for d in sound.diagnostics)
     if claims and is_sound:
         decided = tuple(verdicts(task, results))
         found += [v.diagnostic for v in decided if v.diagnostic is not None]
@@ -241,10 +248,18 @@ def check(  # noqa: C901
         examples=examples,
         accepted=tuple(accepted),
         wrong_examples=frozenset(wrong),
-        symmetries=tuple(symmetries),
+        symmetries=symmetries,
+        programs=run.settings,
+        left_out=run.left_out,
         untried=untried,
         untried_cases=others.untried,
     )
+
+
+def _symmetries(task: Task) -> tuple[SymmetryCheck, ...]:
+    if not is_as_written(task):
+        return ()
+    return tuple(verify_symmetry(task, symmetry) for symmetry in task.annotations.symmetries)
 
 
 def _warnings(task: Task, results: Results) -> _Sanity:

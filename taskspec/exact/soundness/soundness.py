@@ -8,7 +8,7 @@ episodes, where a failure is an error, and samples of the declared domain, where
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -208,24 +208,29 @@ class Ranges:
     untried: int = 0
 
 
-def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
+def check_ranges(
+    task: TaskLike, limit: int = RANGE_POINTS, beside: Callable[[Task], Sequence[Diagnostic]] | None = None
+) -> Ranges:
     """Check a task at corners of the declared ranges of its parameters and between them.
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
     one, is tried up to a few times the default. Values that a `require` forbids are passed over. No more are tried
     once their builds together would read more than a fifth of the expressions that one task may have; W529 says how many.
+
+    Args:
+        task: a task at its defaults, or at other values from which the rest are tried.
+        limit: steps up to which all are checked, as for `examine`.
+        beside: gives further problems of a setting at which the task is sound.
     """
     task = load(task)
     others = cases(task)
-    if not others:
-        return Ranges()
-    known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
-    found: list[Diagnostic] = []
+    wrong: list[Diagnostic] = []
+    further: list[Diagnostic] = []
     tried = []
     untried = 0
     left = limits().expressions // SHARE
     for number, values in enumerate(others):
-        wrong: list[Diagnostic] = []
+        note = parameters(values)
         try:
             with also(f"expressions={left}"):
                 other = modify(
@@ -233,21 +238,18 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 )
         except TooManyExpressions:
             untried = len(others) - number
-            found.append(_too_many(task, len(others), untried))
+            further.append(_too_many(task, len(others), untried))
             break
         except SpecError as error:
-            for diagnostic in error.diagnostics:
-                if diagnostic.code not in FORBIDDEN:
-                    wrong.append(replace(diagnostic, notes=(*diagnostic.notes, parameters(values))))
-        else:
-            left -= other.source.surface.expressions
-            tried.append(values)
-            wrong += examine(other, limit).diagnostics
-        for diagnostic in wrong:
-            if (diagnostic.code, diagnostic.span) not in known:
-                known.add((diagnostic.code, diagnostic.span))
-                found.append(diagnostic)
-    return Ranges(tuple(found), tuple(tried), untried)
+            wrong += [_noted(d, note) for d in error.diagnostics if d.code not in FORBIDDEN]
+            continue
+        left -= other.source.surface.expressions
+        tried.append(values)
+        diagnostics = examine(other, limit).diagnostics
+        wrong += diagnostics
+        if beside is not None and all(d.severity != "error" for d in diagnostics):
+            further += [_noted(d, note) for d in beside(other)]
+    return Ranges((*_new(wrong, task, limit), *further), tuple(tried), untried)
 
 
 def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
@@ -256,6 +258,23 @@ def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
     message = f"{settings - untried} of {settings} other settings are checked: {together}"
     place = merge(task.source.document, task.source.variant).key_span(("parameters",))
     return Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most))
+
+
+def _noted(diagnostic: Diagnostic, note: str) -> Diagnostic:
+    return replace(diagnostic, notes=(*diagnostic.notes, note))
+
+
+def _new(diagnostics: Sequence[Diagnostic], task: Task, limit: int) -> list[Diagnostic]:
+    """Return the first of each kind of problem that a task does not have itself."""
+    if not diagnostics:
+        return []
+    known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
+    found = []
+    for diagnostic in diagnostics:
+        if (diagnostic.code, diagnostic.span) not in known:
+            known.add((diagnostic.code, diagnostic.span))
+            found.append(diagnostic)
+    return found
 
 
 def cases(task: Task) -> list[dict[str, Any]]:

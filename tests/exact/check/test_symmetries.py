@@ -54,7 +54,7 @@ def test_a_twin_is_a_task(task_id: str, name: str) -> None:
     assert not list(broken(twin))
     assert pickle.loads(pickle.dumps(twin)) == twin != task_of(task_id)
     assert twin == taskspec.load(twin.instance_id)
-    walk_together(twin, 11, 25)
+    walk_together(taskspec.make(twin), 11, 25)
     Agreement(twin, "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(12)
 
 

@@ -197,7 +197,7 @@ def test_twins_stand_on_other_modifiers_and_others_on_them() -> None:
     for order in orders:
         both = taskspec.modify(task, *order)
         assert not list(broken(both))
-        walk_together(both, 5, 20)
+        walk_together(taskspec.make(both), 5, 20)
     with pytest.raises(SpecError, match="no longer observed as the symmetry expects"):
         taskspec.modify(task, "observation_noise=1", "symmetry=among_noise")
     with pytest.raises(SpecError, match="declares no symmetry 'mirror'"):
@@ -210,7 +210,7 @@ def test_an_observation_keeps_to_the_space_that_the_spec_asks_for() -> None:
     hot = BOX + "observation: {space: one_hot, v: v, w: w}\n"
     twin = taskspec.modify(spec("{s: {observation: {w: -w}}}", hot), "symmetry=s")
     assert twin.observation_space == spec("{}", hot).observation_space
-    walk_together(twin, 5, 10)
+    walk_together(taskspec.make(twin), 5, 10)
     with pytest.raises(SpecError, match="holds no reals"):
         taskspec.modify(spec("{s: {observation: {w: w / 3}}}", hot), "symmetry=s")
 

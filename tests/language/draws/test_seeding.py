@@ -22,9 +22,9 @@ from taskspec.language import draws
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from taskspec.programs.reference import ReferenceProgram
 from tests.seeding_page import CODE, RESET, STEP, words
 from tests.shared.conformance import Agreement
-from tests.shared.interpreter import Interpreter
 
 U = "UniformInt(0, 1048575)"
 SEED = 2**40 + 7
@@ -160,7 +160,7 @@ def probed(value: Any) -> Any:
             return value
 
 
-def held(task: Task, program: Interpreter, seen: Sequence[tuple[Any, ...]], reward: float = 0) -> dict[str, Any]:
+def held(task: Task, program: ReferenceProgram, seen: Sequence[tuple[Any, ...]], reward: float = 0) -> dict[str, Any]:
     """Values by component of the state, or else of the observation."""
     values = {c.name: v[0] for c, v in zip(task.observation.components, seen, strict=True)}
     return values | {c.name: v[0] for c, v in zip(task.state, program.state, strict=True)} | {"reward": reward}
@@ -170,7 +170,7 @@ def held(task: Task, program: Interpreter, seen: Sequence[tuple[Any, ...]], rewa
 def test_order(name: str) -> None:
     case = ORDER[name]
     task = spec(case.sections)
-    program = Interpreter(task, SEED)
+    program = ReferenceProgram(task, SEED)
     seen = program.reset()
     given = [w >> 12 for w in words(SEED, RESET, 0, 40)]
     now = held(task, program, seen)
@@ -186,7 +186,7 @@ def test_order(name: str) -> None:
 def test_order_in_environments(name: str) -> None:
     """The scalar environment gives every draw the words that the interpreter gives it, and NumPy those of the scalar one."""
     task = spec(ORDER[name].sections)
-    program, env = Interpreter(task, SEED), taskspec.make(task)
+    program, env = ReferenceProgram(task, SEED), taskspec.make(task)
     seen, (first, _) = program.reset(), env.reset(seed=SEED)
     for _ in range(STEPS):
         assert np.array_equal(np.ravel(first), np.concatenate([np.float32(s) for s in seen]))

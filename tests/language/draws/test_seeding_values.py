@@ -18,8 +18,8 @@ import taskspec
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from taskspec.programs.reference import ReferenceProgram
 from tests.seeding_page import CODE, CONSTANT, STEP, words
-from tests.shared.interpreter import Interpreter
 from tests.shared.scripts import DOCS
 
 SEED = 2**40 + 7
@@ -138,7 +138,7 @@ reward: 0
 @pytest.mark.parametrize("written", VALUES)
 def test_values(written: str) -> None:
     task = valued(written)
-    program, env = Interpreter(task, SEED), taskspec.make(task)
+    program, env = ReferenceProgram(task, SEED), taskspec.make(task)
     program.reset(), env.reset(seed=SEED)
     for n in range(60):
         y = program.state[0][0]
@@ -162,7 +162,7 @@ dynamics: {d': "Dirichlet((0.5, 1, 4))"}
 reward: 0
 """
     ))  # fmt: skip
-    program = Interpreter(task, SEED)
+    program = ReferenceProgram(task, SEED)
     program.reset()
     for n in range(9):
         program.step([(1,)])
@@ -189,7 +189,7 @@ dynamics: {}
 reward: 0
 """
     ))  # fmt: skip
-    program = Interpreter(task, 0)
+    program = ReferenceProgram(task, 0)
     program.reset()
 
     def probes(name: str) -> list[int]:
@@ -217,7 +217,7 @@ reward: 0
     seed = 9063343
     (w,) = words(seed, STEP, 0, 1)
     assert uniform(w) < F(1 / 3) < Fraction(w, 2**32) + Fraction(1, 2**24)
-    program, env = Interpreter(task, seed), taskspec.make(task)
+    program, env = ReferenceProgram(task, seed), taskspec.make(task)
     program.reset(), env.reset(seed=seed)
     program.step([(1,)]), env.step(1)
     assert outcome(w, [Fraction(1, 3), Fraction(2, 3)]) == 1

@@ -16,8 +16,8 @@ from taskspec.language.draws import GAMMA_WORDS
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from taskspec.programs.reference import ReferenceProgram
 from tests.shared.conformance import Agreement
-from tests.shared.interpreter import Interpreter
 
 COUNT = 40_000
 SIGMAS = 5.0
@@ -100,7 +100,7 @@ def shares_task() -> Task:
 @pytest.mark.slow
 def test_no_share_is_nan() -> None:
     """Of 4,000 draws at 0.02, 128 were: all their gamma variates were 0 in float32, and so was their sum."""
-    program = Interpreter(shares_task(), 3)
+    program = ReferenceProgram(shares_task(), 3)
     program.reset()
     for _ in range(4000):
         program.step([(False,)])

@@ -173,7 +173,7 @@ symmetries:
 def test_vectors_conditions_choices_and_ints_without_ends(given: Any) -> None:
     task = taskspec.modify(build(read_text(MIXED)), given)
     assert not list(broken(task))
-    walk_together(task, 3, 30)  # also that what is observed is in its space
+    walk_together(taskspec.make(task), 3, 30)  # also that what is observed is in its space
     Agreement(task, "numpy", 3, "SameStep", one=ReferenceEnv, states=True).run(12)
 
 
@@ -310,7 +310,7 @@ def test_names_that_a_modifier_makes_are_new_whatever_a_spec_calls_its_own(name:
         chosen = list(dict.fromkeys(turned))[: len(PLACES)]
         task = changed(chosen)
         assert not list(broken(task)), chosen
-        walk_together(task, 3, 20)
+        walk_together(taskspec.make(task), 3, 20)
         Agreement(task, "numpy", 2, "SameStep", one=ReferenceEnv, states=True).run(6)
         if task.is_finite:
             assert returns(task) == returns(calm), chosen

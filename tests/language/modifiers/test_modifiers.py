@@ -120,13 +120,13 @@ def test_modifiers_stand_on_each_other(one: str, other: str) -> None:
             continue
         assert not list(broken(tasks[-1]))
         assert [str(m) for m, _ in sentences(tasks[-1])] == order
-        walk_together(tasks[-1], 5, 20)
+        walk_together(taskspec.make(tasks[-1]), 5, 20)
     assert len(set(tasks)) == len({tuple(order) for order in orders[: len(tasks)]})
 
 
 @pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 3))
 def test_generated_code_agrees_with_the_reference_interpreter(task_id: str, name: str) -> None:
-    walk_together(found(task_id, name), 11, 30)
+    walk_together(taskspec.make(found(task_id, name)), 11, 30)
 
 
 @pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 3))

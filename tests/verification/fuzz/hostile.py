@@ -28,8 +28,8 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs.numba.kernel import suits
+from taskspec.programs.reference import ReferenceProgram
 from tests.shared.conformance import Agreement
-from tests.shared.interpreter import Interpreter
 from tests.shared.invariants import broken
 from tests.verification.fuzz.kernels import Kernel
 
@@ -164,7 +164,7 @@ def _leaves(task: Task) -> bool:
         )
     ):
         return False
-    raw, kept = Interpreter(task.with_process(next=task.process.raw_next), 5), Interpreter(task, 5)
+    raw, kept = ReferenceProgram(task.with_process(next=task.process.raw_next), 5), ReferenceProgram(task, 5)
     raw.reset(), kept.reset()
     for a in (0, 1, 2, 1, 0):
         raw.state = list(kept.state)
@@ -183,7 +183,7 @@ def _model(task: Task) -> list[str]:
 
 def walk(task: Task, compiled: bool = False, seed: int = 5) -> list[str]:
     """The reference interpreter next to the loop of the kernel, from the same state in every step."""
-    program, kernel = Interpreter(task, seed), Kernel(task, seed, compiled) if suits(task) else None
+    program, kernel = ReferenceProgram(task, seed), Kernel(task, seed, compiled) if suits(task) else None
     rng = np.random.default_rng(0)
     program.reset()
     found = _left(task, program.state)
