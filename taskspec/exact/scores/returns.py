@@ -393,6 +393,15 @@ class Results(InNotebooks):
         return Return.estimated(simulate(self.task, choose, episodes or self.episodes, self.seed))
 
 
+def why_no_expert(task: Task) -> str | None:
+    """Return why a task has no expert; None where it has one."""
+    if task.annotations.expert is not None:
+        return None
+    if task.unmodified.annotations.expert is None:
+        return "the spec gives no expert"
+    return f"the expert of the spec is not for the task with {', '.join(map(str, task.modifiers))}"
+
+
 def normalised(value: float, random: float, expert: float, floor: float | None = -1.0) -> float:
     """Return a score normalised so that random actions have 0 and the expert has 1.
 

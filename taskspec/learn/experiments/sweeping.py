@@ -25,6 +25,7 @@ from taskspec.envs.data.datasets import write_table
 from taskspec.exact import Results, Return
 from taskspec.exact.policies.files import is_function, place_of
 from taskspec.exact.scores.difficulty import difficulty
+from taskspec.exact.scores.returns import why_no_expert
 from taskspec.language import registry
 from taskspec.language.modifiers import modify
 from taskspec.language.source import Document, Packed, packed, unpacked
@@ -76,7 +77,6 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
         tell("the exact model")
         results = Results(task, wanted.episodes)
         hard = difficulty(results, wanted.measures)
-        why_not = {**({"returns": results.why_not} if results.why_not else {}), **hard.why_not}
         model = results.model
         found: dict[str, Any] = {
             "states": None if model is None else int(model.entered.sum()),
@@ -88,13 +88,24 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
             value: Return | None = getattr(results, name)
             for key, entry in ((name, "value"), (f"{name}_half", "half"), (f"{name}_status", "status")):
                 found[key] = None if value is None else getattr(value, entry)
-        found |= {**hard, "why_not": why_not}
+        found |= {**hard, "why_not": _reasons(results) | hard.why_not}
         found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
         if wanted.speed:
             from taskspec.envs.speed import steps_per_second
 
             found |= zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True)
         return found
+
+
+def _reasons(results: Results) -> dict[str, str]:
+    """Return why returns are not known, once all have been worked out."""
+    found = {}
+    if results.why_not is not None:
+        found["returns"] = results.why_not
+    no_expert = why_no_expert(results.task)
+    if no_expert is not None:
+        found["expert"] = no_expert
+    return found
 
 
 def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:

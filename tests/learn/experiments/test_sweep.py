@@ -114,6 +114,26 @@ def test_estimates_have_intervals_and_reasons(tmp_path: Path) -> None:
         assert row["steps_per_second_vectorized"] > 0 and row["steps_per_second"] > 0
 
 
+MEMORY = """\
+experiment: 1
+name: e
+measures: []
+tasks:
+  - {task: memory/NBack, parameters: {L: 4}}
+  - {task: memory/NBack, parameters: {L: 4}, modifiers: [{sticky: 0.25}]}
+  - {task: planning/LightsOut}
+"""
+
+
+def test_every_return_that_is_not_known_has_a_reason(tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(MEMORY)
+    as_written, sticky, lights = swept(tmp_path / "e.yaml")
+    assert as_written["expert"] == 2.0 and as_written["why_not"] == {}
+    assert sticky["expert"] is None and sticky["optimal"] is not None
+    assert sticky["why_not"] == {"expert": "the expert of the spec is not for the task with sticky=0.25"}
+    assert lights["expert"] is None and lights["why_not"] == {"expert": "the spec gives no expert"}
+
+
 def test_what_fails_is_told_and_the_rest_goes_on(file: Path) -> None:
     file.write_text(NOISE.replace("[5, 50, 500]", "[5, 0, 500]"))
     rows = swept(file)
