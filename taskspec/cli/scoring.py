@@ -156,7 +156,6 @@ def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
     from taskspec.exact.rollout.rollout import return_range
-    from taskspec.exact.scores.returns import why_no_expert
     from taskspec.language.task.record import settings
 
     out = console()
@@ -172,9 +171,7 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
                 remark = "optimal"
             else:
                 remark = f"{decimal(scores.gap, 6)} below the optimum"
-        elif name == "expert" and value is None:
-            remark = why_no_expert(task) or ""
-        elif value is None and scores.states is not None:  # otherwise the last line says why
+        elif name != "expert" and value is None and scores.states is not None:  # otherwise the last line says why
             remark = scores.why_not_exact or ""
         shown = _return(value)
         if name == "optimal" and value is None:

@@ -88,7 +88,7 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
             value: Return | None = getattr(results, name)
             for key, entry in ((name, "value"), (f"{name}_half", "half"), (f"{name}_status", "status")):
                 found[key] = None if value is None else getattr(value, entry)
-        found |= {**hard, "why_not": _reasons(results) | hard.why_not}
+        found |= {**hard, "why_not": {**_reasons(results), **hard.why_not}}
         found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
         if wanted.speed:
             from taskspec.envs.speed import steps_per_second
