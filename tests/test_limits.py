@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import pytest
 
-from taskspec import experiments, load
+from taskspec import experiments, load, oracle
 from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import Limits, changed, count, how_to_raise, progress_listener, table
@@ -96,6 +96,7 @@ REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
     "outcomes": (4095, 4096, "E712", lambda: extract(written(**BOOLS))),
     "transitions": (19, 20, "E712", lambda: extract(written())),
     "episodes": (9, 10, "E314", lambda: written(claims="[{claim: actions == 2, episodes: 10}]")),
+    "enumerated": (5, 6, "E729", lambda: oracle.expectation(lambda episode: 1, "CoinToss", "random")),
     "lanes": (9, 10, "E713", lambda: lanes(10)),
     "compiling": (0, 1, "E314", compiled),
     "instances": (9, 10, "E314", lambda: instances("Branching, parameters: {L: {range: [2, 12]}}")),

@@ -10,7 +10,7 @@ from taskspec.base.display import plural
 from taskspec.language.printers import tree as m
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
-from taskspec.show.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
+from taskspec.show.figures.layout import DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.show.figures.machine import Machine, explore
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
@@ -64,8 +64,6 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     best: Plan | None = None
     is_frame = overlay.here is not None
     for found in whole(machine) if is_frame else drawings(machine):
-        if found.elided and best is not None:
-            break
         if len(found.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
             continue
         vertices = [v for v in found.vertices if isinstance(v, int)]
@@ -74,7 +72,7 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             machine.ending.intersection(vertices),
             tuple(v for v in machine.start if v in vertices),
             frozenset(v for v in vertices if machine.fills.get(v) == "good"),
-            not found.elided and len(machine.states) <= LOOPS_UP_TO,
+            len(machine.states) <= LOOPS_UP_TO,
             tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
             tuple(_on_arrow(machine, arc) for arc in found.arcs),
             tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
@@ -241,19 +239,14 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
         items += _vertex(v, spot, plan, machine, overlay)
     shown = [v for v in plan.spots if isinstance(v, int)]
     notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
-    if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
-        notes += ("Results of the states left out are not shown.",)
-    elided = ", elided" * plan.drawing.elided
-    size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
+    size = f"{plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     focus = None if present is None else plan.spots[present].at
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
 
 def _vertex(v: Vertex, spot: Spot, plan: Plan, machine: Machine, overlay: Overlay) -> Iterator[sc.Item]:
     x, y = spot.at
-    if isinstance(v, tuple) and v[0] == DOTS:
-        yield sc.Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
-    elif isinstance(v, int):
+    if isinstance(v, int):
         if spot.rim:
             yield sc.shape(x, y, spot.half + RIM, sc.RADIUS + RIM, "paper")
         body = replace(sc.shape(x, y, spot.half, sc.RADIUS, machine.fills.get(v, "paper")), state=v)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,16 +10,13 @@ import numpy as np
 from taskspec.show.figures.machine import Machine, Transition
 
 Vertex = Hashable
-DOTS = "dots"
-LONG = 5
 WIDE = 6
-MANY = 16
+MANY = 24
+"""The most vertices of a layer, and of a graph."""
 WHOLE = 60
 WHOLE_LONG = 16
 WHOLE_WIDE = 10
 """As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
-BACK = 3
-"""Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
 FIRSTS = 2  # so many states of several in which episodes start are tried as the first column
 
 
@@ -42,13 +39,11 @@ class Arc:
 class Drawing:
     """Vertices by layer (distance from the start) and the arrows between them.
 
-    A vertex is the code of a state, `("chance", state, action)`, `("dots", 2)` for layers left out, or
-    `("dots", "column", vertex)` for vertices of one layer.
+    A vertex is the code of a state, or `("chance", state, action)`.
     """
 
     layers: tuple[tuple[Vertex, ...], ...]
     arcs: tuple[Arc, ...]
-    elided: bool = False
 
     @property
     def vertices(self) -> list[Vertex]:
@@ -56,7 +51,7 @@ class Drawing:
 
 
 def drawings(machine: Machine) -> Iterator[Drawing]:
-    """Yield what can be drawn of a machine, the usual first; nothing if even its outline is too large.
+    """Yield what can be drawn of a machine, the usual first; nothing if it is too large.
 
     The first column holds all states in which episodes start, or one of them from which the others are reached, which
     comes first where several roles start apart.
@@ -71,10 +66,6 @@ def drawings(machine: Machine) -> Iterator[Drawing]:
         drawing = _drawing(layers, arcs)
         if _is_small(layers) and set(machine.start) <= set(drawing.vertices):
             yield drawing
-    if not _is_small(usual):
-        outline = _elided(usual, arcs)
-        if outline is not None:
-            yield outline
 
 
 def whole(machine: Machine) -> Iterator[Drawing]:
@@ -85,8 +76,8 @@ def whole(machine: Machine) -> Iterator[Drawing]:
         yield _drawing(layers, arcs)
 
 
-def _drawing(layers: list[list[Vertex]], arcs: list[Arc], elided: bool = False) -> Drawing:
-    return Drawing(tuple(map(tuple, layers)), tuple(arcs), elided)
+def _drawing(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing:
+    return Drawing(tuple(map(tuple, layers)), tuple(arcs))
 
 
 def _is_small(layers: list[list[Vertex]]) -> bool:
@@ -143,52 +134,6 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
     return layers
 
 
-def _elided(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
-    """Return the first and the last two layers, each cut to a few vertices, with dots for the rest."""
-    on = {a.source for a in arcs if a.target != a.source}  # what leads on
-    if len(layers) <= LONG:
-        return _cut([_narrow(layer, on) for layer in layers], arcs)
-    first, second, third, *_, last = layers
-    dots = (DOTS, 2)
-    to_last = {a.source for a in arcs if a.target in last}
-    before = [v for v in layers[-2] if v in to_last]
-    if len(before) > WIDE or not before or len(second) > 3 * WIDE:
-        return None
-    middle = [v for v in third if v not in on]
-    kept = [
-        _narrow(first, on),
-        _narrow(second, on),
-        _narrow([*middle, dots], {dots}),
-        _narrow(before, on),
-        _narrow(last, on),
-    ]
-    shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
-    gone = {v: i for i, layer in enumerate(layers[2:-1]) for v in layer if v not in shown}
-    if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
-        return None
-    links = [Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone]
-    links += [Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown]
-    return _cut(kept, arcs, list(dict.fromkeys(links)))
-
-
-def _narrow(layer: list[Vertex], on: Collection[Vertex]) -> list[Vertex]:
-    """Return a layer of a few vertices: those that lead on, and the first and the last of the others."""
-    main = [v for v in layer if v in on][:2]
-    others = [v for v in layer if v not in main]
-    if len(layer) <= WIDE - 1 or len(others) <= 2:
-        return layer
-    return [others[0], (DOTS, "column", layer[0]), others[-1], *main]
-
-
-def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -> Drawing | None:
-    shown = {v for layer in kept for v in layer}
-    leaving = [a for a in arcs if a.source in shown and a.source != a.target]
-    inside = [*(a for a in leaving if a.target in shown), *links]
-    if {a.source for a in leaving} <= {a.source for a in inside}:
-        return _drawing(kept, inside, elided=True)
-    return None
-
-
 # Exchanges within a column while they help. Arrows count as straight.
 
 DX = 1.55
@@ -210,10 +155,6 @@ def ordered(drawing: Drawing) -> Drawing:
     while better:
         better = False
         for i, layer in enumerate(layers):
-            if any(
-                isinstance(v, tuple) and v[0] == DOTS for v in layer
-            ):  # they replace vertices between their neighbours
-                continue
             for j in range(len(layer)):
                 for k in range(j + 1, len(layer)):
                     trials += 1

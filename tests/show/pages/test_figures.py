@@ -71,17 +71,14 @@ def test_terminal_states_have_two_rims() -> None:
     assert found.notes == ("Every step pays 1.",)
 
 
-def test_branching_with_ten_choices_is_elided_as_in_the_paper() -> None:
+def test_branching_with_ten_choices_has_all_its_states() -> None:
     found = drawn("Branching", L=10)
-    assert [x for x in labels(found) if x.isdigit() and int(x) > 1] == ["2", "3", "18", "19", "20"]
-    assert "…" in labels(found)
+    assert {str(i) for i in range(21)} <= set(labels(found))
     assert fills(found).count("good") == 1
 
 
-def test_wide_families_are_elided_too() -> None:
-    found = drawn("Branching", L=10, B=12)
-    assert "⋮" in labels(found)
-    assert len(labels(found)) < 40
+def test_wide_families_are_tables() -> None:
+    assert {"from", "to"} <= set(labels(drawn("Branching", L=10, B=12)))
 
 
 def test_numbers_of_a_knot_are_drawn_over_time() -> None:
@@ -104,8 +101,8 @@ def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
         machine = explore(task("Branching", **parameters))
         if machine is None:
             continue
-        (found,) = drawings(machine)
-        assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
+        for found in drawings(machine):
+            assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
 
 
 def test_probabilities_leaving_a_state_sum_to_one() -> None:
@@ -235,7 +232,6 @@ def test_every_task_has_a_frame(name: str) -> None:
 
 @pytest.mark.parametrize("state", [0, 1, 7, 20])
 def test_a_frame_of_a_graph_shows_where_the_agent_is(state: int) -> None:
-    """Also where the state is one of those that dots stand for."""
     one = task("Branching", L=10)
     found = scene(one, Overlay(here={"s": state}))
     assert found is not None

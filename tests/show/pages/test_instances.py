@@ -12,6 +12,7 @@ import pytest
 from taskspec import SpecError, load
 from taskspec.show.figures import figure
 from tests.language.task.test_instances import SHUFFLED
+from tests.language.task.test_instances import path as path
 
 
 def test_constants_are_printed_and_drawn(path: Path) -> None:

@@ -204,27 +204,17 @@ FromCount = Callable[[NodeMaker, Node, int], Node]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Operator:
-    """One operator of the core.
+class Entry:
+    """What every operator of the core says of itself.
 
     `bounds` gives bounds of the value from what is known of the arguments, and `finite` whether the value is a finite number;
     both must hold for the run time's own arithmetic. `linear` tells the exact model which draws may be replaced by their mean,
     `from_count` which conditions may be replaced by their count. `elements` and `indices` (the arguments that only say which
-    elements are meant) serve proofs about permutations and rank orders.
-
-    A kernel takes the template of scalar code where it has none of its own; kernels write reductions out themselves
-    (`backends.kernel`).
+    elements are meant) serve proofs about permutations and rank orders. On the `samples` every form is tested.
     """
 
     name: str
-    rule: TypeRule
-    promote: Promote = to_result
-    reference: Callable[..., Any]
-    samples: tuple[tuple[Any, ...], ...]
-    scalar: Scalar
-    array: Array
-    kernel: Kernel = Kernel()
-    elementwise: bool = True
+    samples: tuple[Any, ...]
     bounds: Callable[[Args, Apply], Interval] = everything
     finite: Callable[[Args, Interval], bool] = stays_finite
     linear: Linear = never
@@ -232,13 +222,30 @@ class Operator:
     elements: Elements = Elements.COMPUTED
     indices: tuple[int, ...] = ()
     commutative: bool = False
-    """Whether operands may change places; not two reals among which one is `CHOSEN`, which may be 0.0 and -0.0."""
-    rational: bool = False
-    """Whether it is worked out in fractions where all arguments are exact constants."""
+    """Whether operands, or `indices`, may change places; not two reals among which one is `CHOSEN`, which may be 0.0 and -0.0."""
     wraps: bool = False
     """Whether it may give an int that no argument is, and so leave the ints of a backend."""
     rounds: bool = False
     """Whether it makes an int of a real."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Operator(Entry):
+    """One operator whose result type follows from the types of its arguments.
+
+    A kernel takes the template of scalar code where it has none of its own; kernels write reductions out themselves
+    (`backends.kernel`).
+    """
+
+    rule: TypeRule
+    promote: Promote = to_result
+    reference: Callable[..., Any]
+    scalar: Scalar
+    array: Array
+    kernel: Kernel = Kernel()
+    elementwise: bool = True
+    rational: bool = False
+    """Whether it is worked out in fractions where all arguments are exact constants."""
     precise: bool = True
     """Whether all of NumPy, the C library and Numba give the same digits."""
     function: Function | None = None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import accumulate, chain
-from typing import Any, ClassVar
+from typing import Any
 
 from taskspec.base.named import entries_by_name
 from taskspec.language.expressions.ir import Apply, Const, Node
@@ -25,6 +25,7 @@ from taskspec.language.expressions.operators.entry import (
     Brackets,
     Build,
     Elements,
+    Entry,
     Function,
     Infix,
     Level,
@@ -53,30 +54,18 @@ def strided(shape: tuple[int, ...]) -> int:
     return math.prod(shape[1:])
 
 
-@dataclass(frozen=True, slots=True)
-class Structure:
-    """One operator: result type from argument types and static values; reference on flat row-major tuples.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Structure(Entry):
+    """One operator whose result type follows from static values as well; its reference is on flat row-major tuples.
 
-    `samples` are arguments (numbers, or tuples nested by rows) and static values on which every form is tested. The other fields
-    are those of `Operator`; `commutative` is about the `indices`.
+    `samples` are arguments (numbers, or tuples nested by rows) and static values.
     """
 
-    name: str
     rule: Callable[[tuple[Type, ...], tuple[int, ...]], Type]
     reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
-    samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
     bounds: Callable[[Args, Apply], Interval] = rules.same
     linear: Linear = rules.every
-    indices: tuple[int, ...] = ()
-    commutative: bool = False
-    elements: ClassVar[Elements] = Elements.MOVED
-    wraps: ClassVar[bool] = False
-    rounds: ClassVar[bool] = False
-    from_count: ClassVar[None] = None
-
-    def finite(self, args: Args, found: Interval) -> bool:
-        """Return whether every element is a finite number."""
-        return rules.stays_finite(args, found)
+    elements: Elements = Elements.MOVED
 
 
 def _rows(flat: Flat, shape: tuple[int, ...], indices: Iterable[int] | None = None) -> list[Flat]:
@@ -125,46 +114,57 @@ _WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
 
 STRUCTURES: dict[str, Structure] = entries_by_name((
     # Arguments of one shape, stacked.
-    Structure("vector", lambda t, s: Type(join(*(x.kind for x in t)), (len(t), *t[0].shape)), lambda a, t, s: _join(a),
-              (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
-              rules.union),
+    Structure(
+        name="vector", rule=lambda t, s: Type(join(*(x.kind for x in t)), (len(t), *t[0].shape)),
+        reference=lambda a, t, s: _join(a), bounds=rules.union,
+        samples=(((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
+    ),
     # Arguments laid end to end.
-    Structure("concat", _concat_type, lambda a, t, s: _join(a),
-              (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())), rules.union),
+    Structure(
+        name="concat", rule=_concat_type, reference=lambda a, t, s: _join(a), bounds=rules.union,
+        samples=(((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())),
+    ),
     # Static (start, count, step) along the first axis.
     Structure(
-        "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
-        (((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
-         ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
+        name="slice", rule=lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), reference=_slice,
+        samples=(((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
+                 ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
     ),
     # Static (index,) along the first axis.
     Structure(
-        "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
-        lambda a, t, s: _rows(a[0], t[0].shape)[s[0]],
-        (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
+        name="element", rule=lambda t, s: Type(t[0].kind, t[0].shape[1:]),
+        reference=lambda a, t, s: _rows(a[0], t[0].shape)[s[0]],
+        samples=(((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
     ),
     # The same elements, in shape `static`.
-    Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0],
-              (((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,)))),
+    Structure(
+        name="reshape", rule=lambda t, s: Type(t[0].kind, s), reference=lambda a, t, s: a[0],
+        samples=(((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,))),
+    ),
     # A scalar repeated in shape `static`.
     Structure(
-        "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
-        (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
+        name="fill", rule=lambda t, s: Type(t[0].kind, s), reference=lambda a, t, s: a[0] * Type(Kind.INT, s).size,
+        samples=(((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
     ),
     # Rows of the first argument at the indices of the second.
-    Structure("index", lambda t, s: Type(t[0].kind, t[1].shape + t[0].shape[1:]), _index,
-              (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
-               ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
-              linear=rules.unless_second, indices=(1,)),
+    Structure(
+        name="index", rule=lambda t, s: Type(t[0].kind, t[1].shape + t[0].shape[1:]), reference=_index,
+        linear=rules.unless_second, indices=(1,),
+        samples=(((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
+                 ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
+    ),
     # The vector with the element at an index replaced.
-    Structure("put", lambda t, s: Type(join(t[0].kind, t[2].kind), t[0].shape), _put_row,
-              (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
-               ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), rules.never,
-              indices=(1,)),
+    Structure(
+        name="put", rule=lambda t, s: Type(join(t[0].kind, t[2].kind), t[0].shape), reference=_put_row,
+        bounds=lambda args, node: rules.union((args[0], args[2]), node), linear=rules.never, indices=(1,),
+        samples=(((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
+                 ((_WIDE, 1, _LONG), ())),
+    ),
     # The vector with two elements exchanged.
-    Structure("swap", lambda t, s: t[0], _swap_rows,
-              (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
-              linear=rules.never, indices=(1, 2), commutative=True),
+    Structure(
+        name="swap", rule=lambda t, s: t[0], reference=_swap_rows, linear=rules.never, indices=(1, 2), commutative=True,
+        samples=(((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
+    ),
 ))  # fmt: skip
 
 
