@@ -73,7 +73,8 @@ def python(code: str, package: Path, folder: Path) -> str:
 
 GIT = {"vcs": "git", "commit_id": "0a1b2c"}
 FIGURES = " ".join(f'"{requirement}"' for requirement in sorted(EXTRAS["figures"]))
-EDITOR_AND_STUDIO = '"pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=13"'
+STUDIO = f'{FIGURES} "pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=13"'
+"""The extra `studio` takes in `figures` and `editor`."""
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,7 @@ EDITOR_AND_STUDIO = '"pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=1
         ({"url": ROOT.as_uri(), "dir_info": {}}, "figures", f'"{ROOT}[figures]"'),
         ({"url": Path(__file__).as_uri(), "archive_info": {}}, "docs", f'"{__file__}[docs]"'),
         ({"url": "file:///gone/to/dust.whl", "archive_info": {}}, "figures", FIGURES),
-        ({"url": "file:///gone", "dir_info": {}}, "studio", EDITOR_AND_STUDIO),
+        ({"url": "file:///gone", "dir_info": {}}, "studio", STUDIO),
         ({"url": "https://a.org/b.whl", "archive_info": {}}, "jax", '"taskspec-rl[jax] @ https://a.org/b.whl"'),
         ({"url": "https://a.org/b", "vcs_info": GIT}, "jax", '"taskspec-rl[jax] @ git+https://a.org/b@0a1b2c"'),
     ],
