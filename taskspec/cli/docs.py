@@ -27,9 +27,12 @@ Results = Annotated[bool, Option("--results/--no-results", help="Scores, and the
 Brief = Annotated[bool, Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
 Title = Annotated[str, Option("--title", help="Title of the document; the suite's name by default.")]
 FigureFile = Annotated[
-    Path,
-    Option("--output", "-o", metavar="FILE", help="Output file, ending in .svg, .tex, .png or .pdf.", dir_okay=False),
-]
+    Path | None,
+    Option(
+        "--output", "-o", metavar="FILE", dir_okay=False,
+        help="Output file, ending in .svg, .tex, .png or .pdf; by default an SVG file with the task's name.",
+    ),
+]  # fmt: skip
 Overlays = Annotated[
     list[str] | None,
     options.choices_option(
@@ -166,7 +169,7 @@ def card(
 
 def figure(
     task: options.TaskArgument,
-    output: FigureFile,
+    output: FigureFile = None,
     overlays: Overlays = None,
     variant: options.Variant = None,
     parameters: options.Parameters = None,
@@ -178,8 +181,11 @@ def figure(
     """
     from taskspec.language.targets import beside, tasks_of
     from taskspec.show import pages
+    from taskspec.show.pages.page import anchor
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
+    if output is None:
+        output = Path(f"{anchor(found[0].name)}.svg")
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
     for each in found:
         place = output if len(found) == 1 else beside(output, each)

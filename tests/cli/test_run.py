@@ -253,3 +253,10 @@ def test_analyses_of_pages_take_limits(command: list[str], tmp_path: Path, monke
     monkeypatch.setattr(facts, "gather", lambda given: (kept.append(limits().seconds), gather(given))[1])
     assert Done(*command, "derail/RiskyPath", "-o", tmp_path, "--limit", "seconds=3").status == 0
     assert kept == [3]
+
+
+def test_a_figure_without_a_file_is_named_after_its_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = Done("figure", "RiskyPath")
+    assert done.status == 0 and done.out == "wrote risky-path.svg\n"
+    assert (tmp_path / "risky-path.svg").is_file()

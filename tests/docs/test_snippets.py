@@ -247,11 +247,14 @@ def read_spec(block: Block, page: Page) -> None:
 
 
 def changed(text: str, changes: str) -> str:
-    """A spec with the sections of a snippet in place of its own."""
-    sections = {part.split(":")[0]: part for part in SECTION.split(text + "\n") if part.strip()}
+    """A spec with the sections of a snippet in place of its own, on the lines that a reader's copy has."""
+    sections = {part.split(":")[0]: part for part in SECTION.split(text) if part.strip()}
     for part in SECTION.split(changes):
-        sections[part.split(":")[0]] = part
-    return "\n".join(part.rstrip("\n") for part in sections.values()) + "\n"
+        name = part.split(":")[0]
+        before = sections.get(name, "\n")
+        blank_lines = before[len(before.rstrip("\n")) :]
+        sections[name] = part.rstrip("\n") + blank_lines
+    return "".join(sections.values())
 
 
 def execute(block: Block, printed: Block | None, page: Page) -> None:
