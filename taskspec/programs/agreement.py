@@ -320,7 +320,7 @@ class ScalarLanes:
     def _present(self, i: int) -> Seen:
         lane = self._lanes[i]
         values, clock = lane.get()
-        if None in values:  # what the program does not keep
+        if any(value is None for value in values):  # what the program does not keep
             first = self._program.replay(SEED + i, Clock(*clock))
             values = tuple(f if v is None else v for v, f in zip(values, first, strict=True))
         seen = _state(self._task, values)

@@ -11,6 +11,7 @@ import yaml
 from taskspec.cli.scaffold import SCAFFOLD
 from taskspec.language import source
 from tests.language.task.test_json_schema import SHIPPED, Editor, marks
+from tests.language.task.test_json_schema import editor as editor
 
 
 def test_what_taskspec_new_writes_is_accepted() -> None:

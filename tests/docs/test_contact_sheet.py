@@ -207,7 +207,7 @@ def laid(one: Task, *names: str) -> Scene:
         ("seals/CliffWorldLarge", {}, "not drawn: best return"),
         ("seals/CliffWorld", {}, "numbers: best return"),
         ("seals/RandomTransition", {"S": 60, "A": 4}, "not drawn: best return"),
-        ("derail/Branching", {"L": 20, "B": 6}, "V: best return"),
+        ("derail/Branching", {"L": 20, "B": 6}, "not drawn: best return"),
         ("derail/LargestSum", {}, "E712"),
     ],
 )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Read, children, draws, plain, walk
-from taskspec.language.expressions.operators import Elements, Entry, Operator, entry_of
+from taskspec.language.expressions.operators import Elements, Operator, OperatorEntry, entry_of
 from taskspec.language.expressions.types import (
     EVERYTHING,
     HUGE,
@@ -107,7 +107,7 @@ def rounded(found: Range) -> Range:
         return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
 
 
-def _is_nearest(op: Entry, args: Args, found: Range) -> bool:
+def _is_nearest(op: OperatorEntry, args: Args, found: Range) -> bool:
     """Return whether an operator is correctly rounded, in either precision, or only selects elements."""
     if not isinstance(op, Operator):
         return True

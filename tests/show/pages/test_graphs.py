@@ -218,11 +218,6 @@ def fills(found: Scene) -> list[str]:
     return sorted(x.fill for x in shapes if x.fill in ("good", "bad", "end"))
 
 
-def test_highlighted_states_that_have_no_room_are_named() -> None:
-    assert "Not shown: bad (11 states)." in ring(60, "{bad: s >= 20 and s <= 30}").notes
-    assert "Not shown: bad (47 states)." in ring(60, "{bad: s > 1 and s < 59}").notes
-
-
 def test_a_highlight_that_no_state_has_is_told() -> None:
     found = ring(9, "{good: s == n - 1, bad: s == n // 2}", "s * 5 + 3 * a + 1")
     assert "Not shown: good, which holds in no state that episodes reach." in found.notes

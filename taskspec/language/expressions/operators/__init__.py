@@ -17,10 +17,10 @@ from __future__ import annotations
 from taskspec.base.named import entries_by_name
 from taskspec.language.expressions.operators import elementwise, vectors
 from taskspec.language.expressions.operators.entry import Elements as Elements
-from taskspec.language.expressions.operators.entry import Entry as Entry
 from taskspec.language.expressions.operators.entry import Function as Function
 from taskspec.language.expressions.operators.entry import Infix as Infix
 from taskspec.language.expressions.operators.entry import Operator as Operator
+from taskspec.language.expressions.operators.entry import OperatorEntry as OperatorEntry
 from taskspec.language.expressions.operators.vectors import STRUCTURES as STRUCTURES
 from taskspec.language.expressions.operators.vectors import Structure as Structure
 
@@ -35,7 +35,7 @@ INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.i
 """What authors write between or before operands."""
 
 
-def entry_of(op: str) -> Entry:
+def entry_of(op: str) -> OperatorEntry:
     """Return the entry of an operator, or of one that moves elements."""
     if op in OPERATORS:
         return OPERATORS[op]

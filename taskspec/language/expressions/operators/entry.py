@@ -204,10 +204,10 @@ FromCount = Callable[[NodeMaker, Node, int], Node]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """What every operator of the core says of itself.
+class OperatorEntry:
+    """Everything known about an operator.
 
-    `bounds` gives bounds of the value from what is known of the arguments, and `finite` whether the value is a finite number;
+    `bounds` gives bounds of the value from bounds of the arguments, and `finite` whether the value is a finite number;
     both must hold for the run time's own arithmetic. `linear` tells the exact model which draws may be replaced by their mean,
     `from_count` which conditions may be replaced by their count. `elements` and `indices` (the arguments that only say which
     elements are meant) serve proofs about permutations and rank orders. On the `samples` every form is tested.
@@ -230,7 +230,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Operator(Entry):
+class Operator(OperatorEntry):
     """One operator whose result type follows from the types of its arguments.
 
     A kernel takes the template of scalar code where it has none of its own; kernels write reductions out themselves

@@ -25,13 +25,13 @@ from taskspec.language.expressions.operators.entry import (
     Brackets,
     Build,
     Elements,
-    Entry,
     Function,
     Infix,
     Level,
     Linear,
     NodeMaker,
     Operator,
+    OperatorEntry,
     Scalar,
     applies,
     no_axes,
@@ -55,7 +55,7 @@ def strided(shape: tuple[int, ...]) -> int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Structure(Entry):
+class Structure(OperatorEntry):
     """One operator whose result type follows from static values as well; its reference is on flat row-major tuples.
 
     `samples` are arguments (numbers, or tuples nested by rows) and static values.
