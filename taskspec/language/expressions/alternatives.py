@@ -345,14 +345,21 @@ def _written(part: s.Expr | tuple[s.TableRow, ...] | None) -> str:
 def _probabilities(checker: BaseChecker, rows: Sequence[s.TableRow], scope: Scope) -> list[Fraction | float]:
     """Return the cells of several rows where they are constants that sum to 1, as the probabilities of a draw do; else none."""
     weights: list[Any] = []
+    total: Any = 0
     for row in rows:
         if isinstance(row.body, tuple) or not _is_number(row.body, scope):
             return []
-        node = checker.numeric(row.body, scope)
-        if not isinstance(node, Const) or not node.type.is_scalar:
+        if isinstance(row.body, s.Number):
+            weights.append(row.body.value)
+        else:
+            node = checker.numeric(row.body, scope)
+            if not isinstance(node, Const) or not node.type.is_scalar:
+                return []
+            weights += node.flat
+        total += weights[-1]
+        if weights[-1] < 0 or total > 1 + TOLERANCE:  # most tables of numbers end here
             return []
-        weights += node.flat
-    if len(weights) > 1 and min(weights) >= 0 and abs(sum(weights) - 1) <= TOLERANCE:
+    if len(weights) > 1 and total >= 1 - TOLERANCE:
         return weights
     return []
 
