@@ -264,7 +264,7 @@ class ReferenceLanes:
             seen = _step(observation, reward, terminated, truncated, lane.measures)
             states = {"old_state": left, "new_state": lane.state}
             for name in self._task.info:
-                seen[name] = self._told(states[name])
+                seen[name] = self._info(states[name])
             if terminated or truncated:
                 seen |= self._begin(lane)
             found.append(seen | self._present(lane))
@@ -279,8 +279,8 @@ class ReferenceLanes:
             seen["the mask of legal actions"] = lane.mask()
         return seen
 
-    def _told(self, state: Sequence[Flat]) -> Array:
-        """Return a state as infos tell it, flat."""
+    def _info(self, state: Sequence[Flat]) -> Array:
+        """Return a state as infos have it, flat."""
         numbers = [plain(number) for flat in state for number in flat]
         if are_finite(self._task.state):
             return np.array(numbers, np.int64)
@@ -303,7 +303,8 @@ class ScalarLanes:
         found = []
         for i, action in enumerate(actions):
             observation, reward, terminated, truncated, info = self._lanes[i].step(action)
-            seen = _step(observation, reward, terminated, truncated, info.get("measures", {}))
+            measures = info["measures"] if self._task.process.measures else {}
+            seen = _step(observation, reward, terminated, truncated, measures)
             for name in self._task.info:
                 seen[name] = np.ravel(info[name])
             if terminated or truncated:
@@ -324,7 +325,8 @@ class ScalarLanes:
             first = self._program.replay(SEED + i, Clock(*clock))
             values = tuple(f if v is None else v for v, f in zip(values, first, strict=True))
         seen = _state(self._task, values)
-        if lane.mask is not None:
+        if self._task.mask:
+            assert lane.mask is not None, "it has no mask of legal actions"
             seen["the mask of legal actions"] = lane.mask()
         return seen
 
