@@ -89,7 +89,9 @@ export class Files {
     byId("filter").value = "";
     this.list();
     byId("files").showModal();
-    this.studio.folder = await this.studio.live.ask("files");
+    const folder = await this.studio.live.ask("files");
+    if (JSON.stringify(folder) === JSON.stringify(this.studio.folder)) return; // a new list would lose the focus of the old one
+    this.studio.folder = folder;
     this.list();
   }
 
