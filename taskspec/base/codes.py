@@ -57,6 +57,5 @@ def classes() -> dict[str, str]:
 
 
 def _parts() -> list[str]:
-    """Return the sections of the page, each with the codes of a class."""
     page = Path(__file__).with_name("errors.md").read_text(encoding="utf-8")
     return page.split("\n## ")[1:]

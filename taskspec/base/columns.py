@@ -99,7 +99,6 @@ class Columns:
         return sum(widths[i] + self.gap for i in shown) - self.gap
 
     def _table(self, shown: Iterable[int], widths: Mapping[int, int]) -> Table:
-        """Return the table of some columns."""
         from rich.table import Table
 
         columns = list(shown)
@@ -137,7 +136,6 @@ class Columns:
             self.rows.insert(0, above)
 
     def _parts(self, console: Any, shown: Sequence[int], width: int) -> Iterator[list[int]]:
-        """Yield the columns in parts that fit, each with the names."""
         assert self.names is not None
         beside = [i for i in shown if i <= self.names]
         part = list(beside)
@@ -149,7 +147,6 @@ class Columns:
         yield part
 
     def _turned(self, shown: Sequence[int], width: int) -> Iterator[Text]:
-        """Yield each row as its name, and below it the other columns with their headers."""
         assert self.names is not None
         for row in self.rows:
             yield Text(" ").join(Text.assemble(row[i]) for i in range(self.names + 1) if str(row[i]))

@@ -316,7 +316,6 @@ def _wrapped(text: str, width: int | None, used: int, indent: int) -> str:
 
 
 def _excerpt(span: Span, room: int) -> tuple[str, str]:
-    """Return the line a span starts on (a window of it when long) and the carets under it."""
     line = span.origin.line(span.line).replace("\t", " ")
     start = min(span.column - 1, len(line))
     if span.end_line == span.line:

@@ -135,7 +135,6 @@ def examine(task: Task, sense: bool = True, defaults: bool = True, all_backends:
 
 
 def _looks(task: Task) -> list[Diagnostic]:
-    """Return warnings about how a task is drawn and printed."""
     from taskspec.exact.check.spec_warnings import look_alikes
     from taskspec.show.figures import undrawn
 
@@ -177,7 +176,6 @@ def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic])
 
 
 def _programs(tasks: Sequence[Checked]) -> Iterator[str]:
-    """Yield which programs were compared with the interpreter, and which were not, and why."""
     from taskspec.programs.agreement import EVERY
 
     run = Counter[str]()
@@ -199,7 +197,6 @@ def _programs(tasks: Sequence[Checked]) -> Iterator[str]:
 
 
 def _grouped(counts: Mapping[str, int]) -> dict[int, list[str]]:
-    """Return the names of each count."""
     names: dict[int, list[str]] = {}
     for name, number in counts.items():
         names.setdefault(number, []).append(name)
@@ -260,7 +257,6 @@ def _decided(records: Sequence[dict[str, Any]], untried: int = 0) -> str:
 
 
 def _mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
-    """Return a sign for errors, for warnings, for neither."""
     severities = {each.severity for each in diagnostics}
     if "error" in severities:
         return VisibleText("✗", style="bad")
@@ -299,7 +295,6 @@ def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], secon
 
 
 def _untried(reports: Sequence[FileReport]) -> dict[str, int]:
-    """Return the numbers of claims, settings and sanity checks that were not tried."""
     tasks = [each for report in reports for each in report.tasks]
     return {
         "claim": sum(each.untried_claims for each in tasks),

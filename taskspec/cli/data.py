@@ -130,7 +130,6 @@ def _write(
 
 
 def _summary(about: Any) -> str:
-    """Return how much data there is, in words."""
     if about["kind"] == "demonstrations":
         words = f"{about['transitions']:,} transitions of {about['episodes']:,} episodes"
         if about["return"] is not None:

@@ -66,7 +66,6 @@ def diff(
 
 
 def _task(target: str, variant: str | None) -> Task:
-    """Return the task of an id, a path or a revision of a path."""
     if not target.startswith(GIT):
         from taskspec.language.registry import load
 

@@ -125,7 +125,6 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
 
 
 def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
-    """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
     from taskspec.show.pages.facts import gather
     from taskspec.show.pages.write import together
 

@@ -87,7 +87,6 @@ def usage_reported() -> Iterator[None]:
 
 
 def _record(param: Any, ctx: Any) -> tuple[str, str]:
-    """Return how an argument or option is written, without types that say nothing, and its explanation."""
     written, words = param.get_help_record(ctx) or (param.name, "")
     written = NUMBERS.sub("N", GENERIC.sub("", written))
     return written, re.sub(r"\s*\[(required|x>=?[\d.]+|[\d.]+<=?x.*?)\]", "", words)

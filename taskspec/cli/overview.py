@@ -54,7 +54,6 @@ def list_(
 
 
 def _isolating(capability: str, tasks: Sequence[Listed]) -> list[Listed]:
-    """Return the tasks that isolate a capability, given by its first letters."""
     found = [task for task in tasks if _capability(task).startswith(capability)]
     if not found:
         known = sorted(set(map(_capability, tasks)) - {""})
@@ -155,7 +154,6 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
 
 
 def _find(text: str) -> Code:
-    """Return the code with this number or name, however it is spelt."""
     wanted = text.strip("[]").split(" ")[0].lower()
     for code in codes().values():
         if wanted in (code.code.lower(), code.slug):

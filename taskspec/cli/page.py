@@ -90,7 +90,6 @@ def _of_instance(task: Task, key: str) -> Iterator[VisibleText]:
 
 
 def _line(line: SectionLine) -> Iterator[RenderableType]:
-    """Yield a line, case by case where it is decided so, and a map below its name."""
     match line.content:
         case (p.Formula(math=m.Row(items=(*left, m.Cases(rows=rows)))), *rest):
             cases = Columns("", "", fold=(0, 1))
@@ -106,7 +105,6 @@ def _line(line: SectionLine) -> Iterator[RenderableType]:
 
 
 def _words(content: Iterable[p.Inline]) -> VisibleText:
-    """Return prose, with formulas in colour."""
     text = VisibleText()
     for piece in content:
         match piece:

@@ -95,7 +95,6 @@ def run(
 
 
 def _kind_of(render: str | None, output: Path | None) -> str | None:
-    """Return how to show episodes, by `--render` or else by the suffix of the file."""
     suffix = output.suffix[1:].lower() if output is not None else None
     kind = render or suffix
     if kind is not None:
@@ -108,7 +107,6 @@ def _kind_of(render: str | None, output: Path | None) -> str | None:
 def _episodes(
     task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None
 ) -> list[Episode]:
-    """Return episodes, shown step by step or behind a progress bar."""
     from taskspec.base.extras import need
     from taskspec.envs import Environment
     from taskspec.envs.rollouts import policy_for, rollouts

@@ -202,7 +202,6 @@ def _print_measures(scores: Scores, out: Console) -> None:
 
 
 def _measured(value: Return | None) -> str:
-    """Return a measure, with its confidence interval where it is an estimate."""
     if value is None:
         return ""
     if not value.episodes:
@@ -212,7 +211,6 @@ def _measured(value: Return | None) -> str:
 
 
 def _front(corners: Sequence[Expectations], measure: str) -> Iterator[Any]:
-    """Yield a table of the corners of a front, and a remark."""
     table = Columns(f"  {measure}", "best return", right=(0, 1))
     every = -(-len(corners) // MOST_CORNERS)
     shown = [*corners[:-1:every], corners[-1]]
@@ -226,7 +224,6 @@ def _front(corners: Sequence[Expectations], measure: str) -> Iterator[Any]:
 
 
 def _return(value: Return | None) -> tuple[str, str]:
-    """Return a return, and how sure it is."""
     if value is None:
         return "unknown", ""
     if not value.episodes:
@@ -243,7 +240,6 @@ def _return(value: Return | None) -> tuple[str, str]:
 
 
 def _bound(value: Any, remark: str, why_not: str | None) -> tuple[str, str, str]:
-    """Return the best return given observations only, how sure it is, and a remark."""
     from taskspec.exact import Return
 
     if value is None:

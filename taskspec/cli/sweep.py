@@ -120,7 +120,6 @@ def _table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Columns:
 
 
 def _number(value: Any, half: Any = None) -> str:
-    """Return a number, with half of its 95 % confidence interval where it is estimated."""
     if not isinstance(value, int | float):
         if value is None:
             return ""

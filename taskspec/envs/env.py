@@ -237,7 +237,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         return Clock(*self._lane.get()[1])
 
     def _observe(self, values: tuple[Any, ...]) -> Any:
-        """Return the observation of a state at time 0 with this episode's draws, by the reference interpreter."""
         layout = self.task.reset_words
         assert self._seed is not None
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)

@@ -181,7 +181,6 @@ def make_vec(
 
 
 def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
-    """Return the task for keyword arguments of a maker."""
     try:
         return load(source, variant, **given)
     except SpecError as error:
@@ -193,7 +192,6 @@ def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> 
 
 
 def _instance_lanes(tasks: Sequence[Task], num_envs: int | None, options: dict[str, Any]) -> Any:
-    """Return lanes of several instances, taken in turn."""
     from taskspec.envs.options import invalid, positive
     from taskspec.envs.vector import InstanceLanes
 

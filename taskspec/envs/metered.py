@@ -72,5 +72,4 @@ class Metered(gymnasium.Env[Any, Any]):
 
 
 def _batch(seen: Any) -> Any:
-    """Return an observation as a batch of one."""
     return map_parts(lambda part: [part], seen)

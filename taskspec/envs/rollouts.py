@@ -94,7 +94,6 @@ def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
 
 
 def _states(env: Environment) -> dict[str, Array]:
-    """Return the present state by component, as a batch of one."""
     states: dict[str, Array] = {}
     for c in env.task.state:
         value = env.state[c.name]

@@ -236,13 +236,11 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     def _legal(self) -> dict[str, Any]:
-        """Return the legal actions of the states in which lanes now are, where the task has a condition for them."""
         if not self.task.mask:
             return {}
         return {"action_mask": self._masks(), "_action_mask": np.ones(self.num_envs, np.bool_)}
 
     def _measured(self, stepped: Array) -> dict[str, Any]:
-        """Return the measures of a step as Gymnasium has dictionaries in infos, of the lanes (N,) that took one."""
         b = self._engine.buffers
         values = dict(zip(self.task.process.measures, b.measures, strict=True))
         if not self._same_step:

@@ -115,7 +115,6 @@ def frame(
 
 
 def _set(note: str) -> str:
-    """Return a note with minus signs, and with numbers that stay on the line of what they are the values of."""
     note = re.sub(r"(?<![\w-])-(?=[\d.]|inf)|(?<=\de)-(?=\d)", "−", note)
     return re.sub(r"(?<=\w) (?==)|(?<=[\w=]) (?=[−\d]|inf)|(?<==) ", "\u00a0", note)
 

@@ -95,7 +95,6 @@ def files_in(folder: Path) -> list[tuple[Path, Kind]]:
 
 
 def _texts(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the YAML files of a folder, sorted by name, with their texts, empty where they cannot be read."""
     for path in sorted(folder.iterdir()):
         if path.suffix not in (".yaml", ".yml"):
             continue
@@ -170,7 +169,6 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
 
 
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
-    """Return what `load` gives before any more modifiers."""
     from taskspec.language.task.build import build
 
     if not isinstance(source, Task | str | os.PathLike):

@@ -119,7 +119,6 @@ def kind_of(target: str) -> Kind | None:
 
 
 def _below(folder: Path, depth: int = 2) -> list[tuple[Path, Kind]]:
-    """Return the YAML files of a folder and of so many levels of visible sub-folders, and what each of them holds."""
     found = registry.files_in(folder)
     for inside in sorted(folder.iterdir()) if depth else ():
         if inside.is_dir() and not inside.name.startswith("."):
@@ -148,7 +147,6 @@ def _files(target: str) -> list[File]:
 
 
 def _of_folder(folder: Path) -> list[File]:
-    """Return the specs of a folder and of its sub-folders."""
     found = [File(path, registry.suite_of(path)) for path, kind in _below(folder, 1) if kind == "taskspec"]
     if not found and not any(kind in OTHERS for _, kind in _below(folder)):
         hint = "`taskspec new Name` writes one to start from"
@@ -161,7 +159,6 @@ def _suites(entries: Iterable[registry.Entry]) -> list[File]:
 
 
 def _joined(files: Iterable[File]) -> list[File]:
-    """Return each file once for each setting, with the variants of all its mentions, in order of first mention."""
     merged: dict[tuple[Path, str], File] = {}
     for file in files:
         key = (file.path.resolve(), repr((file.parameters, file.modifiers)))

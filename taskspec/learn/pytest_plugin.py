@@ -58,7 +58,6 @@ def examined(
 
 
 def _options(config: pytest.Config) -> dict[str, Any]:
-    """Return what the command line says of exams."""
     found = {name: config.getoption(f"--exam-{name}") for name in ("suite", "tasks", "seeds", "steps")}
     return {name: value for name, value in found.items() if value is not None}
 
@@ -86,7 +85,6 @@ def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str
 
 
 def _terms(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of an exam, with numbers and names read from texts."""
     __tracebackhide__ = True
     terms: dict[str, Any] = {}
     for name, value in given.items():
@@ -157,13 +155,11 @@ class ExamOutcome:
         return "\n".join(lines)
 
     def _asked(self) -> dict[str, Task]:
-        """Return the tasks of the exam, by their names in results."""
         suite = self._terms.get("suite")
         suites = SUITES if suite is None else (suite,)
         return {exam_id(task): task for task in tasks_of(suites, self._terms.get("tasks"))}
 
     def _command(self, tasks: Sequence[str]) -> str:
-        """Return the command that examines the learner on some tasks again."""
         place = _place(self._learner)
         given = self._terms.get("tasks")
         if given is None:
@@ -186,7 +182,6 @@ class ExamOutcome:
 
 
 def _spec(task: Task) -> list[str]:
-    """Return the lines of the spec of a task, or the first ones."""
     lines = task.source.document.origin.text.splitlines()
     found = [f"  {line}".rstrip() for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:
@@ -195,7 +190,6 @@ def _spec(task: Task) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Return the lines of a text, none of them longer than a narrow terminal."""
     found = []
     for line in text.splitlines():
         found += textwrap.wrap(line, 79, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)

@@ -157,7 +157,6 @@ def difference(reference: ReferenceRun, program: str) -> str | None:
 
 
 def _reals_decide(task: Task) -> bool:
-    """Return whether conditions or whole numbers are worked out from reals."""
     for node in walk(task.roots):
         if node.type.kind is not Kind.REAL and any(child.type.kind is Kind.REAL for child in children(node)):
             return True
@@ -177,7 +176,6 @@ def _first_difference(lanes: Lanes, reference: ReferenceRun, tolerance: float) -
 
 
 def _different(actual: Iterable[Seen], expected: Iterable[Seen], tolerance: float) -> str | None:
-    """Return the first value of a lane that differs, in words."""
     for lane, (ours, theirs) in enumerate(zip(actual, expected, strict=True)):
         for name, value in ours.items():
             if not _same(value, theirs[name], tolerance):
@@ -238,7 +236,6 @@ def _step(observation: Any, reward: Any, terminated: Any, truncated: Any, measur
 
 
 def _state(task: Task, values: Sequence[Any]) -> Seen:
-    """Return the components of a state from values, flat where they are vectors."""
     seen = {}
     for c, value in zip(task.state, values, strict=True):
         seen[f"'{c.name}'"] = np.array(value, DTYPES[c.type.kind]).reshape(-1)
@@ -280,7 +277,6 @@ class ReferenceLanes:
         return seen
 
     def _info(self, state: Sequence[Flat]) -> Array:
-        """Return a state as infos have it, flat."""
         numbers = [plain(number) for flat in state for number in flat]
         if are_finite(self._task.state):
             return np.array(numbers, np.int64)

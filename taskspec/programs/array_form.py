@@ -158,13 +158,11 @@ class ArrayForm:
                 return self._structure(node)
 
     def _const(self, node: Const) -> str:
-        """Return a number as source, an array by name."""
         if node.type.is_scalar:
             return literal(plain(node.value))
         return self._held(node)
 
     def _held(self, node: Const) -> str:
-        """Return the name of a constant array."""
         for known, value in self.constants.items():
             if value is node:
                 return known
@@ -253,7 +251,6 @@ class ArrayForm:
         return self._values[id(node)]
 
     def _look_up(self, node: Apply, place: str) -> str:
-        """Return an element, or a row, of a constant array for every lane."""
         table = self.constant(_LookupTable(node.args[0]))
         axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:

@@ -197,7 +197,6 @@ class LaneEmitter:
         return LaneValue([self._fill(template, row) for row in zip(*columns, strict=True)])
 
     def _loop(self, node: Apply, template: str) -> LaneValue:
-        """Return the elements of long vectors as a comprehension."""
         sources: dict[str, str] = {}
         fills = []
         for i, arg in enumerate(node.args):
@@ -220,7 +219,6 @@ class LaneEmitter:
         return (real and form.real) or form.template
 
     def _never_zero(self, divisor: Node) -> bool:
-        """Return whether a divisor is finite and not 0 for all values of reals."""
         match divisor:
             case Const():
                 return all(v and math.isfinite(v) for v in divisor.flat)
@@ -279,7 +277,6 @@ class LaneEmitter:
         return sums
 
     def _draw(self, node: Draw) -> LaneValue:
-        """Return a draw whose distribution depends on the state."""
         words = self.words[node.site]
         form = VARIATES[node.base].lane
         if form is not None:

@@ -95,7 +95,6 @@ class Invariants:
 
 
 def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
-    """Return nodes as functions of the first state."""
     return b.substitute(nodes, by_read(Role.STATE, task.state, task.process.initial))
 
 
@@ -302,7 +301,6 @@ def _is_matrix(table: Const, row: Node) -> bool:
 
 
 def _fold_function(b: Builder, node: Apply) -> Node:
-    """Return a function of one look-up and constants as a look-up."""
     found = [a for a in node.args if not isinstance(a, Const)]
     if len(set(map(id, found))) != 1:
         return node

@@ -127,7 +127,6 @@ class Buffers:
         return Buffers(**self._mapped(lambda array: array[..., lanes]))
 
     def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
-        """Return the fields with a function of each array in them."""
         found: dict[str, Any] = {}
         for name, held in vars(self).items():
             if isinstance(held, Values):
@@ -255,7 +254,6 @@ class Masks:
         self._table = np.ascontiguousarray(action_mask(task, every).T, np.int8)
 
     def __call__(self) -> Array:
-        """Return masks, int8 (N, n)."""
         if self._table is None:
             return action_mask(self._task, self._state).T.astype(np.int8)
         numbers: Array = np.array(-self._lowest)

@@ -54,7 +54,6 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
 
 
 def _home(file: Path) -> Path:
-    """Return the folder of a file, or of the whole package that it is a part of."""
     home = file.parent
     while (home.parent / "__init__.py").is_file() and (home / "__init__.py").is_file():
         home = home.parent
@@ -62,7 +61,6 @@ def _home(file: Path) -> Path:
 
 
 def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]:
-    """Yield the files that a file imports, if they lie in the folders or in those of packages there."""
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(content)

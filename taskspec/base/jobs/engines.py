@@ -71,7 +71,6 @@ class _Worker:
 
 
 def _executor() -> ProcessPoolExecutor:
-    """Return an executor of one process, which starts with the first call."""
     environment = {**SHARED, **os.environ}
     return ProcessPoolExecutor(1, timeout=IDLE, env=environment, initializer=begin, initargs=(os.getpid(),))
 

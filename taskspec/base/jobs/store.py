@@ -130,7 +130,6 @@ class Store:
         return {key: found[key] for key in wanted if key in found}
 
     def _read(self, question: str, *values: str) -> dict[str, JobResult]:
-        """Return the rows that a question selects, by key."""
         found = dict[str, JobResult]()
         with self._reported():
             for entry in self._database.execute(question, values):

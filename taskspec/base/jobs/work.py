@@ -133,7 +133,6 @@ def _ring(*_: Any) -> None:
 
 
 def _place(error: BaseException) -> str:
-    """Return the innermost line that an error passed, without those of the clock and of `import`."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if f.name != _ring.__name__ and not f.filename.startswith("<frozen ")]
     return f"{own[-1].filename}:{own[-1].lineno}, in {own[-1].name}"

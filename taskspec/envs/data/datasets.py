@@ -74,7 +74,6 @@ def check_pairs(segments: Transitions, preferences: Array, returns: Array, queri
 
 
 def _parts(name: str, seen: Any) -> dict[str, Array]:
-    """Return the arrays of observations, by the names that they have in files."""
     if isinstance(seen, dict):
         return {f"{name}.{key}": seen[key] for key in sorted(seen)}
     return {name: seen}
@@ -279,7 +278,6 @@ def flat(data: Data) -> dict[str, Array]:
 
 
 def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
-    """Return what was kept as flat arrays, or as columns of a table."""
     transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
     is_whole = metadata["kind"] == "demonstrations"
     check_transitions(transitions, is_whole)

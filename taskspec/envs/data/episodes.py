@@ -208,7 +208,6 @@ def _mapping(jobs: int) -> Iterator[Run]:
 
 
 def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
-    """Return some episodes, stepped together until all are over."""
     first, lanes = part
     acting = policy_of(task, policy)
     seeds = draws.lane_seeds(seed, lanes, first)

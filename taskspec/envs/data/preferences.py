@@ -266,7 +266,6 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
 
 
 def _cut(whole: Transitions, length: int, seed: int) -> Transitions:
-    """Return a segment of every episode, beginning at a time that is uniform over those where it fits."""
     seeds = draws.lane_seeds(seed, len(whole.starts))
     words = draws.lanes_block(seeds, draws.TEACHER, 2**32 - 1, 1)[0]
     begin = draws.indices(words, np.maximum(whole.lengths - length, 0) + 1)
@@ -275,7 +274,6 @@ def _cut(whole: Transitions, length: int, seed: int) -> Transitions:
 
 
 def _of_pairs(segments: Transitions, kept: Array) -> Transitions:
-    """Return the segments of some pairs, numbered from 0."""
     number = np.full(len(segments.starts) // 2, -1)
     number[kept] = np.arange(len(kept))
     pair = number[segments.episode // 2]

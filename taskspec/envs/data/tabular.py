@@ -218,14 +218,12 @@ def tabular(task: TaskLike) -> Tabular:
 
 
 def _whole(step: Step) -> Sparse:
-    """Return where a step leads, whether or not it ends the episode."""
     if step.P_end is None:
         return step.P
     return step.P + step.P_end
 
 
 def _inside(model: Model) -> tuple[Sparse, Array]:
-    """Return transitions (A * S, S) and rewards (S, A) in which no row leaves the state space."""
     step = model.step(0)
     shape = (model.n_actions, model.n_states)
     going = _whole(step)

@@ -274,7 +274,6 @@ def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | N
 def _level(
     one: NamedSteps, other: NamedSteps, t: int, level: Mapping[int, tuple[str, ...]], acts: bool
 ) -> tuple[FirstDifference | None, dict[int, tuple[str, ...]]]:
-    """Return the first difference in some states at a time, or the next states with the actions that lead there."""
     following: dict[int, tuple[str, ...]] = {}
     for s, path in level.items():
         same = other.index[one.names[s]]
@@ -324,7 +323,6 @@ def _renaming(one: NamedSteps, other: NamedSteps) -> str | None:
 
 
 def _joined(one: NamedSteps, other: NamedSteps, order: Sequence[int], t: int) -> Rows:
-    """Return the rows of both tasks at a time, with the actions of the second one in another order."""
     n = len(one.names)
     rows = list(one.rows(t))
     for by_action in other.rows(t):
@@ -386,7 +384,6 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
 
 
 def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
-    """Return the outcomes of steps without their rewards, by name."""
     found: dict[Hashable, dict[Hashable, Fraction]] = {}
     for s in np.flatnonzero(x.model.acting).tolist():
         for a in range(len(x.actions)):
@@ -400,7 +397,6 @@ def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
 def _advantages(
     solvers: Sequence[Solver], where: Array, acting: Sequence[Array], is_random: bool
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield Q - V (A, S) of random or of the best actions in both tasks, where episodes act, the last time first."""
     first, second = (_plan(solver.numbers, is_random) for solver in solvers)
     for (t, q, v), (_, their_q, their_v) in zip(first, second, strict=True):
         if t < len(acting):
@@ -417,7 +413,6 @@ def _plan(n: Any, is_random: bool) -> Iterator[tuple[int, Any, Any]]:
 
 
 def _plain(x: Scaled | Bound) -> Array:
-    """Return values as an array of rationals, or of floats."""
     if isinstance(x, Bound):
         return x.value
     return np.array([Fraction(int(p), x.over) for p in x.parts.ravel()], dtype=object).reshape(x.parts.shape)
@@ -437,7 +432,6 @@ def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
 
 
 def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float) -> bool:
-    """Return whether the expected rewards of a time differ by a factor alone."""
     shape = (len(one.actions), len(one.names))
     ours = one.model.step(t).R.reshape(shape)[:, one.model.acting]
     theirs = other.model.step(t).R.reshape(shape)[:, where[one.model.acting]]
@@ -448,7 +442,6 @@ def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor:
 
 
 def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
-    """Return the first difference of episodes with the same random words and the same random actions."""
     kinds = [[(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)] for task in (a, b)]
     if kinds[0] != kinds[1]:
         return TaskRelation("different", f"states or actions have other components or bounds; {reason}")
@@ -493,7 +486,6 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
 
 
 def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) -> Array:
-    """Return a state, its observation if that is `watched`, and other values as rows (N, lanes)."""
     parts = [*state.values(), *others]
     if watched:
         parts += evaluate(task.observation.nodes, reads_of(state, {}, t))

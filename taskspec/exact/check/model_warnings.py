@@ -66,7 +66,6 @@ def _missing_values(c: Component, seen: Array) -> list[str]:
 
 
 def _partners(task: Task) -> Iterator[Model]:
-    """Yield the models of the variants in which expert and learner act."""
     roles = task.spec.roles
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
@@ -226,7 +225,6 @@ def expert(context: LintContext) -> Iterator[Doubt]:
 
 
 def _compares_expert(expr: s.Expr) -> bool:
-    """Return whether a claim says that the expert is below the optimum."""
     if isinstance(expr, s.Logical):
         return any(map(_compares_expert, expr.operands))
     if not isinstance(expr, s.Compare):

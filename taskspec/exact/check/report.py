@@ -169,7 +169,6 @@ class Report:
         return f"<Report of {self.task.instance_id}: {', '.join(counts)}>"
 
     def _repr_html_(self) -> str:
-        """Return diagnostics and verdicts on claims, for notebooks."""
         found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
         said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
         caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"

@@ -67,7 +67,6 @@ def followed(task: Task, words: set[str], sections: Sequence[str]) -> set[str]:
 
 
 def _words(value: Any) -> Iterator[str]:
-    """Yield every word in the expressions of a section, keys included, prose excluded."""
     match value:
         case str():
             yield from _WORD.findall(value)
@@ -215,7 +214,6 @@ def _same_symbols(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
 
 
 def _foreign_letters(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield a name or label that looks like one in Latin letters."""
     names = list(_names(task))
     for section, components in (("state", task.state), ("action", task.action)):
         for c in components:
@@ -229,7 +227,6 @@ def _foreign_letters(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
 
 
 def _names(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield the place of every declared name, and the name without the parameters of a function."""
     spec = task.spec
     parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
     for section, declared in zip(_SECTIONS, parts, strict=True):

@@ -68,7 +68,6 @@ def number_words(value: Any) -> str:
 
 
 def _sizes(nodes: Sequence[Node]) -> Iterator[Any]:
-    """Yield the sizes of constant reals other than 0 in some nodes."""
     for node in walk(nodes):
         if isinstance(node, Const) and node.type.kind is Kind.REAL:
             yield from (abs(v) for v in node.flat if v and abs(v) < math.inf)
@@ -132,7 +131,6 @@ def _checked(model: Model) -> Model:
 
 
 def _codes(steps: Steps, room: _Room, reachable: bool | None) -> Array:
-    """Return the states of the model, in order."""
     size = steps.states.size
     if reachable is None:
         reachable = size > min(WHOLE, room.states)
@@ -397,7 +395,6 @@ def _columns(codes: Array, reached: Array) -> Array:
 
 
 def _assembled(parts: list[Rows], states: int) -> Step:
-    """Return the matrices of all rows."""
     counts = np.concatenate([part.counts for part in parts])
     columns = np.concatenate([part.columns for part in parts])
     weights = np.concatenate([part.weights for part in parts])

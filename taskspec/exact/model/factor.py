@@ -104,12 +104,10 @@ class _Factoring:
         self.replaced = {k: self._over(v, {name: form}) for k, v in self.replaced.items()} | {name: form}
 
     def _over(self, node: Node, values: Mapping[str, Node]) -> Node:
-        """Return an expression with state components replaced."""
         replaced = {(Role.STATE, name): value for name, value in values.items()}
         return self.builder.substitute([node], replaced, late=False)[0]
 
     def _final(self, nodes: Sequence[Node]) -> tuple[Node, ...]:
-        """Return expressions over the mapped state, under the names of the stand-in."""
         for name in self.ranked:
             if any(how is not Dependence.INVARIANT for how in dependence(nodes, name)):
                 raise Unfactored(f"something depends on more of '{name}' than the order of its elements")
@@ -145,7 +143,6 @@ class _Factoring:
 
 
 def _continuous(node: Node) -> Draw | None:
-    """Return the draw of a vector of independent, distinct numbers of one continuous distribution."""
     match node:
         case Draw(args=(), type=type) if type.kind is Kind.REAL and len(type.shape) == 1:
             return node  # elements of draws without arguments are independent
@@ -158,7 +155,6 @@ def _continuous(node: Node) -> Draw | None:
 
 
 def _is_moderate(factor: Const) -> bool:
-    """Return whether sums and products with a constant keep different numbers of 24 bits different."""
     return factor.type.is_scalar and 2**-12 <= abs(factor.value) <= 2**12
 
 
@@ -238,7 +234,6 @@ class LinearForms:
         return self.builder.stretch(self.builder.scalar(0), node.type.shape)
 
     def _choice(self, node: Apply) -> Node:
-        """Return a choice between two sums as the first sum plus a choice between 0 and their difference."""
         b = self.builder
         *condition, one, other = node.args
         one = b.stretch(b.cast(one, Kind.INT), node.type.shape)
@@ -263,7 +258,6 @@ class LinearForms:
         return self._sum(found, b.structure(node.op, [constant, *rest], node.static))
 
     def _sum(self, terms: Terms, constant: Node) -> Node:
-        """Return the sum of terms, in order, and a constant."""
         b = self.builder
         found = None
         for key in sorted(terms, key=self._place):
@@ -326,7 +320,6 @@ def dependence(roots: Sequence[Node], name: str) -> list[Dependence | None]:
 
 
 def _of_operator(node: Apply, args: list[Dependence]) -> Dependence | None:
-    """Return the dependence of an operator with an argument that is a selection, or of no kind (left out of `args`)."""
     entry = entry_of(node.op)
     elements = [a for i, a in enumerate(args) if i not in entry.indices]
     if len(args) < len(node.args) or any(args[i] is not Dependence.INVARIANT for i in entry.indices):

@@ -118,7 +118,6 @@ def _counted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int,
 
 
 def _reductions(flags: Node, users: Users) -> list[Apply]:
-    """Return the nodes that make one value of a vector of conditions, if nothing else uses it."""
     found: list[Apply] = []
     for user in users[id(flags)]:
         if not isinstance(user, Apply) or user is flags:
@@ -179,14 +178,12 @@ def _only(root: Node, above: set[int], users: Users) -> Draw | None:
 
 
 def _is_inside(node: Node, root: Node, below: set[int], users: Users) -> bool:
-    """Return whether every use of a node is one by the root."""
     if node is root:
         return True
     return all(id(u) in below and u is not node and _is_inside(u, root, below, users) for u in users[id(node)])
 
 
 def _is_elementwise(root: Node, draw: Draw) -> bool:
-    """Return whether element i of the root depends on element i of the draw alone."""
     depends = {id(draw)}
     for node in walk([root]):
         if any(id(c) in depends for c in children(node)):
@@ -197,7 +194,6 @@ def _is_elementwise(root: Node, draw: Draw) -> bool:
 
 
 def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node:
-    """Return the root with one value for every element of a draw."""
     if draw is None:
         return root
     known = builder.stretch(builder.scalar(value), draw.type.shape)
@@ -208,7 +204,6 @@ def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node
 
 
 def _permuted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int, Node]:
-    """Return permutations, by id, as arrangements of the values that differ in the places that are read."""
     made = {}
     for draw in draws(roots):
         if draw.base == "permutation" and len(draw.type.shape) == 1:
@@ -223,7 +218,6 @@ def _permuted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int
 
 
 def _looks(node: Node, places: Array, users: Users) -> Iterator[tuple[Node, Array]]:
-    """Yield the functions of single elements of a permutation that the rest is made of, with their places."""
     onwards = []
     for user in users[id(node)]:
         found = _onwards(node, user, places)
@@ -256,7 +250,6 @@ def _onwards(node: Node, user: Node, places: Array) -> Array | None:
 
 
 def _alike(n: int, looks: Sequence[Node]) -> list[int]:
-    """Return for each value the least one that has the same outcome wherever it is read."""
     everywhere = np.broadcast_to(np.arange(n), (n, n))  # in point j, each element is j
     found = evaluate(looks, {}, lambda _, __: everywhere)
     columns = np.stack([v.reshape(-1, n)[0].astype(np.float64) for v in found])

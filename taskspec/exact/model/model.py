@@ -271,7 +271,6 @@ class Model:
         return found
 
     def _growth(self, horizon: int | None) -> Iterator[tuple[int, Array]]:
-        """Yield the same as `levels`, but where the time does not matter only with the states that are new."""
         if self.is_timed:
             yield from self.levels()
             return

@@ -48,7 +48,6 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:
-    """Return whether the root is linear in the draw, for all values of other reads."""
     depends: dict[int, bool] = {}
     for node in walk([root]):
         below = [depends[id(c)] for c in children(node)]

@@ -86,7 +86,6 @@ def batch(steps: int = 12, seed: int = 0, *, exact: bool = False) -> RolloutBatc
 
 
 def _scaled(whole: Array, exact: bool) -> Array:
-    """Return whole numbers divided by 8, as fractions or floats."""
     if exact:
         return np.asarray(whole.astype(object) * Fraction(1, GRID))
     return whole / GRID

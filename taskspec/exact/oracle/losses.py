@@ -104,7 +104,6 @@ def ppo_loss(log_probs: Any, old_log_probs: Any, advantages: Any, clip: float = 
 
 
 def _clipped(log_probs: Any, old_log_probs: Any, advantages: Any, low: float, high: float) -> Array:
-    """Return the clipped objective of each action."""
     new, old, A = (np.asarray(each, np.float64) for each in numbers(log_probs, old_log_probs, advantages))
     rho = np.exp(new - old)
     return np.minimum(rho * A, np.clip(rho, 1 - low, 1 + high) * A)

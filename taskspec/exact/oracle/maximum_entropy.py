@@ -80,7 +80,6 @@ def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal
 
 
 def _by_action(model: Model, reward: Any) -> Array | None:
-    """Return a reward (A, S) that is given as (S, A)."""
     if reward is None:
         return None
     found = plain(reward).astype(np.float64)
@@ -90,8 +89,6 @@ def _by_action(model: Model, reward: Any) -> Array | None:
 
 
 def _mce(model: Model, paid: Array | None) -> Callable[[int, Array], Array]:
-    """Return the function from t and V[t + 1] (S,) to the causal Q[t] (A, S)."""
-
     def backup(t: int, V: Array) -> Array:
         step = model.step(t)
         R = paid
@@ -103,8 +100,6 @@ def _mce(model: Model, paid: Array | None) -> Callable[[int, Array], Array]:
 
 
 def _maxent(model: Model, paid: Array | None, beta: float) -> Callable[[int, Array], Array]:
-    """Return the function from t and V[t + 1] (S,) to the Q[t] (A, S) that is not causal."""
-
     def backup(t: int, V: Array) -> Array:
         found = outcome_table(model, t)
         reward = found.reward
@@ -152,7 +147,6 @@ def feature_expectations(task: TaskLike, policy: Any, features: Any, *, last: bo
 
 
 def _last_states(found: PolicyEvaluation) -> Array:
-    """Return the discounted probability (S,) that an episode ends in each state, by termination or by the horizon."""
     model = found.model
     total = np.zeros(model.n_states)
     for t, d in enumerate(found.occupancy):

@@ -142,7 +142,6 @@ def _rational(table: Array) -> Array:
 
 
 def _of_table(model: Model, table: Array) -> Array:
-    """Return the probabilities (1 or T, S, A) that a table over states, or over discrete observations, gives."""
     seen = Seen(model)
     by_state = _probabilities(table, model.n_states, model.n_actions)
     by_observation = None
@@ -226,13 +225,11 @@ def _answer(function: Callable[[Any], Any], observations: Any, lane: int) -> Arr
 
 
 def _is_module(policy: Any) -> bool:
-    """Return whether a policy is a plain module of PyTorch, rather than a policy of Stable-Baselines3."""
     torch: Any = sys.modules.get("torch")
     return torch is not None and isinstance(policy, torch.nn.Module) and not hasattr(policy, "predict")
 
 
 def _of_module(module: Any, observations: Any) -> Array:
-    """Return the probabilities (S, A) of a module that gives logits (S, A), or a categorical distribution."""
     torch: Any = sys.modules["torch"]
     with torch.no_grad():
         found = module(map_parts(torch.as_tensor, observations))

@@ -103,7 +103,6 @@ class PolicyEvaluation:
         return ObservedValues(V, Q, weight)
 
     def _over_observations(self, values: Array) -> Array:
-        """Return sums (T, O, ...) over the states (T, S, ...) behind each observation."""
         total = np.zeros((len(values), self.seen.count, *values.shape[2:]), dtype=values.dtype)
         for t, rows in enumerate(self.seen.rows):
             np.add.at(total[t], rows, values[t])
@@ -197,14 +196,12 @@ def _in_rationals(model: Model, pi: Array) -> PolicyEvaluation:
 
 
 def _fractions(values: Scaled) -> Array:
-    """Return scaled numbers as an object array of fractions."""
     found = np.empty(values.parts.shape, dtype=object)
     found.reshape(-1)[:] = [Fraction(part, values.over) for part in values.parts.reshape(-1).tolist()]
     return found
 
 
 def _moved(numbers: Rational, t: int, acting: Array) -> Array:
-    """Return the probabilities (S,) of the states at the next time, from those of states and actions (S, A)."""
     after = np.full(len(acting), Fraction(0), dtype=object)
     over = numbers.step(t).weights.over
     for s, a in zip(*np.nonzero(acting), strict=True):

@@ -106,7 +106,6 @@ class Expert:
         return self.task.action_space
 
     def _split(self, observation: Any) -> tuple[bool, list[Any]]:
-        """Return whether this is one observation, and the observations one by one."""
         first = observation
         shape = self.observation.shape
         if isinstance(observation, dict):
@@ -117,7 +116,6 @@ class Expert:
         return False, [part_at(observation, i) for i in range(len(first))]
 
     def _remembered(self, batch: list[Any], steps: Array, state: Any) -> list[list[tuple[Any, ...]]]:
-        """Return the expert's memory in each environment after a batch of observations, as flat values by component."""
         if self.memory is None:
             return [[] for _ in batch]
         found = []
@@ -133,7 +131,6 @@ class Expert:
     def _choose(
         self, observation: Any, t: int, memory: list[tuple[Any, ...]], deterministic: bool
     ) -> list[tuple[Any, ...]]:
-        """Return the action for one observation, as flat values by component."""
         states = self._states(observation)
         for c, flat in zip(() if self.memory is None else self.memory.components, memory, strict=True):
             states[c.name] = np.array(flat).reshape(*c.type.shape, 1)
@@ -168,7 +165,6 @@ class Expert:
 
 
 def _shown_by(task: Task, wanted: set[str]) -> dict[str, int]:
-    """Return the index of the observed component that shows each of some state components."""
     found: dict[str, int] = {}
     for i, node in enumerate(task.observation.nodes):
         name = component(node)

@@ -114,7 +114,6 @@ class ScriptedPolicy(TaskPolicy):
 
 
 def _episodes(path: Path, task: Task) -> list[list[Any]]:
-    """Return the items of a script, one list for each episode."""
     if not path.exists():
         raise SpecError([Diagnostic("E710", None, f"there is no file '{path}'")])
     text = path.read_text(encoding="utf-8", errors="replace")
@@ -152,7 +151,6 @@ def _number(cell: str) -> Any:
 
 
 def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...]]:
-    """Return an item of a script as flat values by component."""
     try:
         parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
         return [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]
@@ -162,7 +160,6 @@ def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...
 
 
 def _parts(task: Task, item: Any) -> Sequence[Any]:
-    """Return the values of the components of an action."""
     if len(task.action) == 1:
         return [item]
     sizes = [c.type.size for c in task.action]
@@ -174,7 +171,6 @@ def _parts(task: Task, item: Any) -> Sequence[Any]:
 
 
 def _flat(c: Component, part: Any) -> tuple[Any, ...]:
-    """Return a component's value, flat, with labels as their index."""
     items = np.asarray(part, dtype=object).ravel().tolist()
     if len(items) != c.type.size:
         raise ValueError

@@ -123,7 +123,6 @@ def plan_of_table(model: Model, table: Array) -> Plan:
 
 
 def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
-    """Return a table of actions (counted from `first`), probabilities or values as one of (rows, A) or (T, rows, A)."""
     if table.dtype.kind in "iu" and table.shape[-1:] == (rows,) and table.shape[-2:] != (rows, actions):
         if not ((table >= first) & (table < first + actions)).all():
             misused(f"an action of the table is not in {first} to {first + actions - 1}")

@@ -237,7 +237,6 @@ def _episodes(
 
 
 def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
-    """Return some lanes, bool (N,), of the reads."""
     return {key: _spread(value, len(lanes))[..., lanes] for key, value in reads.items()}
 
 
@@ -278,7 +277,6 @@ def _within(c: Component, values: Array) -> Array:
 
 
 def _held(task: Task) -> Choose:
-    """Return one action for each lane and episode, which drives states far."""
     actions = sampled_actions(task)
     chosen: Mapping[str, Array] = {}
 

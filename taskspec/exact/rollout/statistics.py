@@ -188,7 +188,6 @@ def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
 
 @lru_cache(maxsize=64)
 def _student_quantiles(freedom: int, levels: tuple[float, ...]) -> Array:
-    """Return the quantiles of Student's distribution."""
     quantiles: Array = special.stdtrit(freedom, levels)
     return quantiles
 
@@ -338,7 +337,6 @@ def _permutations(is_first: Array) -> Array:
 
 
 def _share_as_large(statistic: Array) -> float:
-    """Return the share of permutations with a statistic that is at least that of the samples."""
     return float(np.mean(statistic >= statistic[0] - 1e-9))
 
 

@@ -256,7 +256,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return scope(self.results.task, "claims").lookup(name) is not None
 
     def _folded(self, expr: s.Expr) -> Enclosure:
-        """Return the value of anything made of parameters and constants alone, by the language's own rules."""
         task = self.results.task
         try:
             found = checked(expr, task)
@@ -317,7 +316,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return results.model
 
     def _arguments(self, expr: s.Call, names: tuple[str, ...], required: tuple[str, ...]) -> dict[str, s.Expr]:
-        """Return arguments by name, positional ones in order."""
         written = f"{expr.function}({', '.join(names)})"
         if len(expr.args) > len(names):
             raise InvalidClaim(f"{written} was given {len(expr.args)} arguments", expr)
@@ -335,7 +333,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return found
 
     def _under(self, claim: s.Expr) -> s.Expr | None:
-        """Return the decision model written beside the claim."""
         written = self.options.get("under")
         if written is None:
             return None
@@ -346,7 +343,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return found
 
     def _under_model(self, expr: s.Expr, decides: s.Expr | None) -> tuple[Model, Rule, Solver]:
-        """Return the exact model, the rule of a decision model, and its solver."""
         results, rule = self._decided(expr, decides)
         return self._model(expr, results), rule, results.solvers.of(rule, self.terms.as_written)
 

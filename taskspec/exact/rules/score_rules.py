@@ -325,7 +325,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return Truth(self._holds(op, eased), (found,))
 
     def _holds(self, op: str, difference: Estimate) -> bool | None:
-        """Return whether the left side is greater, smaller or equal, by the interval of the difference of both."""
         ends: list[Any] = list(difference.interval_at(self.confidence))
         for i, end in enumerate(ends):
             if math.isfinite(end):
@@ -340,14 +339,12 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return {">": self.slack, ">=": self.slack, "<": -self.slack, "<=": -self.slack}.get(op, 0.0)
 
     def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the tasks and the learners that are named in some expressions, in order."""
         names = [n.id for expr in exprs for n in s.names(expr) if isinstance(n, s.Name)]
         ids = dict.fromkeys(self.bound.get(name, name) for name in names)
         known = (*self.names.tasks, *self.names.instances)
         return tuple(i for i in ids if i in known), tuple(i for i in ids if i in self.names.learners)
 
     def _text(self, expr: s.Expr) -> str:
-        """Return an expression as it is written, with the members of groups for their variables."""
         written = expr.place.written
         if not self.bound:
             return written
@@ -414,7 +411,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return self._known[key]
 
     def _member(self, expr: s.Expr, kind: str) -> str:
-        """Return a task or a learner by its name, or by a variable."""
         if isinstance(expr, s.Name) and expr.id in self.bound:
             member = self.bound[expr.id]
             if self._kind_of(member) != kind:
@@ -440,7 +436,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return expr.id
 
     def _each(self, expr: s.Call) -> Iterator[Truth[Comparison]]:
-        """Yield the condition of a quantifier for each member of its groups."""
         if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
             hint = f"`{expr.function}(score(t) > 0.9 for t in tasks)`"
             self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
@@ -451,7 +446,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 yield inner.truth(comprehension.element)
 
     def _chosen(self, clauses: Sequence[s.Clause]) -> Iterator[ScoreEvaluator]:
-        """Yield an evaluator for each choice of members that the filters let through."""
         if not clauses:
             yield self
             return
@@ -466,7 +460,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 yield from inner._chosen(rest)
 
     def _members(self, expr: s.Expr) -> tuple[str, ...]:
-        """Return the members of a group, or of a list of names."""
         match expr:
             case s.Name(id=name):
                 members = self.names.all_groups.get(name)
@@ -481,7 +474,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 self._fail("E306", expr, "a group is needed here", f"one of {', '.join(tuple(self.names.all_groups))}")
 
     def _passes(self, expr: s.Expr) -> bool:
-        """Return whether members pass a condition after `if`, which narrows a group by names."""
         match expr:
             case s.Logical(op=op, operands=operands):
                 found = list(map(self._passes, operands))

@@ -48,7 +48,6 @@ def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
 
 
 def _branching(model: Model) -> float:
-    """Return the mean number of possible next states of states in which episodes act."""
     both: Any = sum(model.step(0).matrices)
     n = model.n_states
     shares = model.uniform
@@ -226,7 +225,6 @@ class Difficulty(Mapping[str, float | None]):
         return [(n, v, MEASURES[n].unit, self.why_not.get(n) or MEASURES[n].doc) for n, v in self.items()]
 
     def _repr_html_(self) -> str:
-        """Return the measures, for notebooks."""
         rows = [(name, "unknown" if v is None else f"{v:.6g}", unit, said) for name, v, unit, said in self.rows()]
         return html_table(f"{self.id}: difficulty", ("measure", "value", "unit", ""), rows)
 

@@ -190,7 +190,6 @@ class Gorp:
         self.spent = 0.0
 
     def _steps(self) -> tuple[Array, Array]:
-        """Return the next state, `END` after an end, and the reward in units, both (T, A, S)."""
         n = self.model.n_states
         shape = (len(self.model.steps), self.model.n_actions, n)
         target = np.full(shape, END)
@@ -330,7 +329,6 @@ class Gorp:
 
 
 def _unit(values: Iterable[float]) -> float:
-    """Return the largest number that values are multiples of."""
     fractions = [small_fraction(float(value), DENOMINATOR) for value in values if value != 0]
     if None in fractions:
         refuse("rewards are not multiples of one number")
@@ -349,6 +347,5 @@ def _shifted(rows: Array, by: int) -> Array:
 
 
 def _power(row: Array, m: int) -> Array:
-    """Return the distribution of the sum of m numbers of a distribution (W,)."""
     size = m * (len(row) - 1) + 1
     return np.maximum(np.fft.irfft(np.fft.rfft(row, size) ** m, size), 0.0)

@@ -68,7 +68,6 @@ def solution_length(model: Model) -> float:
 
 
 def _pays(model: Model, t: int) -> Array:
-    """Return 1 for actions in states (A, S) that may be paid other than 0 at a time, else 0."""
     step = model.step(t)
     paid = step.R != 0
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
@@ -138,7 +137,6 @@ def reward_chance(model: Model) -> float:
     n = model.n_states
 
     def backup(t: int, later: Array) -> Array:
-        """Return the probability (S,) of a reward now or, by `later`, after this step."""
         found = steps.at(t)
         hit = np.where(found.ends, 0.0, later[found.target])
         hit[found.reward != 0] = 1.0
@@ -208,11 +206,9 @@ def best_chance(model: Model) -> float:
 
 
 def _extremes(steps: RandomSteps, horizon: int, extreme: np.ufunc) -> list[Array]:
-    """Return the largest or smallest possible return (S,) from each time on."""
     n = steps.model.n_states
 
     def backup(t: int, value: Array) -> Array:
-        """Return the return (N,) of each outcome."""
         found = steps.at(t)
         later = np.where(found.ends, 0.0, value[found.target])
         return np.asarray(found.reward + steps.model.discount * later)
@@ -299,7 +295,6 @@ def best_state_reward(model: Model) -> float:
 
 
 def _nearest_rewards(model: Model, entered: Array) -> Array:
-    """Return the rewards (K,) of states that are entered whose advantages are nearest to those of the true reward."""
     levels = dict(model.levels())
     advantages = []
     largest = np.zeros(len(entered) + 1)
@@ -352,7 +347,6 @@ def coverage(results: Results) -> float:
 
 
 def _in_role(results: Results, who: Literal["expert", "learner"]) -> Results:
-    """Return the results of the variant in which somebody acts."""
     task = role(results.task, who)
     if task is results.task:
         return results

@@ -109,7 +109,6 @@ def hidden_bits(model: Model) -> float:
 
 
 def _observed(model: Model, nodes: Sequence[Expression], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield states (N,), observations (N, D) and weights (N,) for each outcome of the noise."""
     states = np.flatnonzero(visits)
     given = picked(model.reads(t), states)
     for values, which, weight in joint_outcomes(nodes, given, len(states)):
@@ -118,7 +117,6 @@ def _observed(model: Model, nodes: Sequence[Expression], t: int, visits: Array) 
 
 
 def _visits(model: Model) -> Array:
-    """Return the expected number of visits (S,) of random actions."""
     plan = uniform_plan(model)
     if model.horizon is not None:
         return occupancy(undiscounted(model), plan)

@@ -275,7 +275,6 @@ class Results(InNotebooks):
         return found
 
     def _measure(self, name: str, which: str) -> Return | None:
-        """Return a measure under a policy, computed or else simulated."""
         if which == "expert" and self.remembering is not self:
             return self.remembering._measure(name, which)
         results = self

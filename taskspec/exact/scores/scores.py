@@ -82,7 +82,6 @@ class Scores:
         return rows
 
     def _repr_html_(self) -> str:
-        """Return the returns, for notebooks."""
         rows = [(row["return"], row["value"], row["error"], row["status"]) for row in self.rows()]
         return html_table(self.id, ("return", "value", "error", "status"), rows)
 

@@ -241,7 +241,6 @@ class Bounded:
 
     @staticmethod
     def _chances(V: Bound, value: Array) -> Bound:
-        """Return probabilities V with some that are 1."""
         return replace(V, value=value, is_signed=True, least=min(V.least, 1.0))
 
     def top(self, q: Bound) -> Bound:

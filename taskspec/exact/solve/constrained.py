@@ -113,7 +113,6 @@ def pareto_front(task: TaskLike, measure: str) -> list[Expectations]:
 
 
 def _between(program: Occupancies, measure: str, a: Expectations, b: Expectations) -> Iterator[Expectations]:
-    """Yield points of a front between two of its points, in order."""
     width = _width(measure, a, b)
     if width == 0:
         return
@@ -169,12 +168,10 @@ class Occupancies:
         self.solved = 0
 
     def _rows(self, t: int) -> Array:
-        """Return the rows a * S + s of what may be done at a time."""
         actions = np.arange(self.model.n_actions)[:, None] * self.model.n_states
         return np.asarray((actions + self.levels[t])[self._legal(t)])
 
     def _legal(self, t: int) -> Array:
-        """Return which actions (A, N) are legal in the states at a time."""
         every = np.ones((self.model.n_actions, len(self.levels[t])), np.bool_)
         if self.model.legal is None:
             return every
@@ -199,7 +196,6 @@ class Occupancies:
         return sparse.bmat(blocks, format="csc"), right
 
     def _gain(self, model: Model) -> Array:
-        """Return what one unit of each occupancy pays."""
         return np.concatenate([model.step(t).R[self._rows(t)] for t in range(len(self.levels))])
 
     def best(self, weight: float, weights: Mapping[str, float], limits: Sequence[Limit]) -> Expectations:

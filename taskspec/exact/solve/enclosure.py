@@ -163,7 +163,6 @@ def _power(a: Enclosure, b: Enclosure) -> Enclosure:
 
 
 def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
-    """Return a power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
     if low < 0 or (low == 0 and exponent < 0):
         raise NoNumber("this power is not a number")
     found = []

@@ -181,7 +181,6 @@ class InfiniteHorizon(Bounded):
         return self._contracted(candidate, image, weight, later, inside)
 
     def _expected(self, w: Array, discount: float) -> Bound:
-        """Return discount * P w (A, S)."""
         value = (self.only.P @ w).reshape(self.shape) * discount
         return self.errors(self.only).expectation(value, Bound(w, is_signed=True))
 
@@ -208,12 +207,10 @@ class InfiniteHorizon(Bounded):
         return Bound(candidate, 0.0, residual / c * float(np.max(weight[inside])) * (1 + 16 * UNIT))
 
     def _at_start(self, V: Bound, inside: Array) -> Enclosure:
-        """Return the expectation over the first state of values that are exact outside of some states (S,)."""
         is_inside = bool((inside & (self.model.start > 0)).any())
         return self.at_start(V if is_inside else Bound(V.value))
 
     def _enclosed(self, V: Bound, inside: Array) -> Enclosure:
-        """Return an expected return, which has the sign of all rewards."""
         found = self._at_start(V, inside)
         zero = Fraction(0)
         if self.only.rounding.lowest >= 0:
@@ -250,13 +247,11 @@ class InfiniteHorizon(Bounded):
         return self._contracted(candidate, lambda V: self.top(self.backup(0, V)), weight, later, live)
 
     def _weight(self, live: Array) -> Array:
-        """Return the weight (S,) of a norm in which all steps contract."""
         if self.is_discounted:
             return np.ones(self.model.n_states)
         return self._policy_iteration(np.ones(self.shape), live)
 
     def _policy_iteration(self, reward: Array, live: Array) -> Array:
-        """Return nearly the largest values (S,) of rewards (A, S)."""
         P = self.only.P
         states = np.arange(self.model.n_states)
         discount = self.model.discount

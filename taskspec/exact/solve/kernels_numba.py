@@ -65,7 +65,6 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Arr
 
 @njit(cache=True)
 def _active(blocks: Array, changed: Array) -> Array:
-    """Return which blocks lead to one that changed."""
     before = np.zeros(len(changed) + 1, np.int64)
     before[1:] = np.cumsum(changed)
     found = np.empty(len(blocks), np.bool_)

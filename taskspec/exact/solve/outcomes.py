@@ -165,7 +165,6 @@ def visited_table(model: Model, most: int) -> VisitedTable:
 
 
 def _last_step(model: Model) -> int | None:
-    """Return the step at which every episode ends, of a model in which nothing else depends on the time."""
     if not model.is_timed:
         return None
     first = model.step(0)

@@ -52,7 +52,6 @@ class Tables:
         return policy.table
 
     def _walk(self, high: int, low: int, end: Any, every: int) -> dict[int, Any]:
-        """Return values at times from `high` down to `low`, at every so many of them."""
         found = {high: end}
         for t, _, value in backward(self.backup, lambda t, q: self.rule.value(self.numbers, q), end, high, low):
             if t % every == 0:

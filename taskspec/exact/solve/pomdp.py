@@ -131,7 +131,6 @@ class ReactiveSearch:
         return start, *self._conflict(policy, wanted[::-1])
 
     def _conflict(self, policy: Array, wanted: list[Array]) -> tuple[int | None, Array]:
-        """Return the first observation without an action that all its states want, among those that episodes come to."""
         numbers = self.numbers
         shape = (len(policy), numbers.model.n_actions)
         votes = np.zeros(shape)
@@ -214,7 +213,6 @@ class BeliefSearch:
             self.constant.append(self._values(take))
 
     def _values(self, choose: Callable[[int, Scaled], Scaled]) -> list[Scaled]:
-        """Return values (S,) from each time on."""
         return all_values(backward(self.numbers.backup, choose, self.numbers.zero(), self.numbers.horizon))
 
     def value(self) -> Enclosure:
@@ -250,7 +248,6 @@ class BeliefSearch:
             node.low = max(node.low, max(self._worth(found, is_high=False) for found in node.choices))
 
     def _worth(self, choice: _Choice, is_high: bool) -> Fraction:
-        """Return a bound of the expected return of a choice."""
         self._charge(1 + len(choice.after), choice.whole)
         ends = [node.high if is_high else node.low for node in choice.after]
         over = lcm(*(end.denominator for end in ends))
@@ -260,7 +257,6 @@ class BeliefSearch:
         return self._rounded(total, choice.whole * over, is_high)
 
     def _choice(self, node: _Node, action: int) -> _Choice:
-        """Return an action in a belief, with the beliefs that it leads to."""
         numbers = self.numbers
         step = numbers.step(node.t)
         total = 0
@@ -297,7 +293,6 @@ class BeliefSearch:
             choice.after.append(self._node(t, tuple((state, weight // divisor) for state, weight in part)))
 
     def _node(self, t: int, belief: Belief) -> _Node:
-        """Return the node of a belief, which is made when it is first asked for."""
         if (t, belief) not in self.nodes:
             total = sum(weight for _, weight in belief)
             self._charge((1 + len(self.constant)) * len(belief), total)
@@ -315,7 +310,6 @@ class BeliefSearch:
         self.spent += operations * (1 + size.bit_length() / WIDE)
 
     def _rounded(self, part: int, over: int, is_high: bool) -> Fraction:
-        """Return `part / over`, rounded up or down to a float where it is long."""
         found = Fraction(part, over)
         if over.bit_length() <= SHORT:
             return found

@@ -67,7 +67,6 @@ class Scaled:
 
 
 def _shared(some: Array) -> Scaled:
-    """Return some actions in each state, bool (A, S), each as probable as any other of its state."""
     counts = some.sum(axis=0)
     over = math.lcm(*map(int, np.unique(counts)))
     return Scaled(some.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)

@@ -205,7 +205,6 @@ class PhaseBuilder:
         return Samples(points, others)
 
     def _limited(self, c: Component) -> Component:
-        """Return a component of the state, limited to the values that episodes reach."""
         low, high = self.reached[c.name]
         near = replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
         if all(a <= b for a, b in zip(near.low, near.high, strict=True)):
@@ -219,7 +218,6 @@ class PhaseBuilder:
 def _values(
     code: str, section: str, components: Sequence[Component], nodes: Sequence[Node], prime: str = ""
 ) -> list[Check]:
-    """Return checks that values are those of their components."""
     pairs = zip(components, nodes, strict=True)
     return [Check(code, node, c.low, c.high, section, c.name + prime, c) for c, node in pairs]
 
@@ -244,7 +242,6 @@ def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
 
 
 def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
-    """Return checks of the parameters of distributions in a section."""
     if not draws(roots):
         return []
     found: list[Check] = []
@@ -273,7 +270,6 @@ class _Parameters:
                 yield from self._of_call(call)
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
-        """Yield checks that probabilities are between 0 and 1, and sum to 1."""
         b = self.where.builder
         found = [b.cast(n, Kind.REAL) for n in map(self.where.number, exprs) if n is not None]
         if len(found) < len(exprs) or draws(found) or are_constant(found):

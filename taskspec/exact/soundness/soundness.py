@@ -265,7 +265,6 @@ def _noted(diagnostic: Diagnostic, note: str) -> Diagnostic:
 
 
 def _new(diagnostics: Sequence[Diagnostic], task: Task, limit: int) -> list[Diagnostic]:
-    """Return the first of each kind of problem that a task does not have itself."""
     if not diagnostics:
         return []
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}

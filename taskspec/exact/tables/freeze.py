@@ -84,7 +84,6 @@ def tables(model: Model, most: int) -> FrozenTask:
 
 
 def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[dict[str, int]]:
-    """Yield the values of all components in each place, element by element."""
     columns: dict[str, Array] = {}
     for (_, name), value in model.reads().items():
         if name == TIME:
@@ -114,7 +113,6 @@ def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]],
 
 
 def _conditions(model: Model) -> Iterator[tuple[str, Array]]:
-    """Yield the states (S,) that the figure highlights, and those that claims are about, with their names."""
     task = model.task
     if task.annotations.figure is not None:
         for name, node in task.annotations.figure.highlight.items():

@@ -125,7 +125,6 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
 
 
 def _ambiguous(task: FrozenTask, everywhere: bool) -> list[int]:
-    """Return the states that steps, or else one step, enter both with and without an end."""
     going = {outcome.state for s, _, outcome in task.steps() if s in task.acting and not outcome.ends}
     states: dict[int, None] = {}
     for by_action in task.outcomes:
@@ -139,7 +138,6 @@ def _ambiguous(task: FrozenTask, everywhere: bool) -> list[int]:
 
 
 def _stays(s: int, actions: int) -> tuple[Outcomes, ...]:
-    """Return the outcomes of a state that no action leaves."""
     return ((Outcome(1.0, s, 0.0, False),),) * actions
 
 

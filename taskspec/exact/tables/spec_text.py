@@ -150,7 +150,6 @@ def _reward_table(task: FrozenTask) -> _TableText:
 
 
 def _rewards(task: FrozenTask) -> Iterator[str]:
-    """Yield the table of rewards."""
     table = _reward_table(task)
     if table.cells <= limits().cells:
         yield from table.lines()
@@ -232,7 +231,6 @@ class _TableText:
             yield f"{indent}  else: {common}"
 
     def _texts(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> dict[str, str]:
-        """Return the rows of each value of the first key."""
         below: dict[str, dict[tuple[str, ...], str]] = {}
         for key, value in rows.items():
             below.setdefault(key[0], {})[key[1:]] = value

@@ -94,7 +94,6 @@ def _slots(count: int) -> int:
 
 
 def _packed_block(seed: int, phase: int, first_n: int, how_many: int, slots: int) -> bytes:
-    """Return the words of consecutive n, two for each slot, as little-endian bytes."""
     lanes = how_many * slots
     ones = _ones(lanes)
     ramp, slot = _ramps(how_many, slots)
@@ -214,7 +213,6 @@ def _uint32(values: ArrayLike) -> Words:
 
 
 def _schedule(k0: Words, k1: Words) -> Schedule:
-    """Return what is added to the two halves before the first round and after every fourth."""
     keys = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
     return [(keys[i % 3], np.add(keys[(i + 1) % 3], _CONSTANTS[i])) for i in range(6)]
 
@@ -278,7 +276,6 @@ def _chunks(height: int, width: int) -> Iterator[tuple[slice, slice]]:
 
 
 def _part(values: Words, place: tuple[slice, slice]) -> Words:
-    """Return the part of a scalar, a (columns,) or a (rows, 1) array that belongs to a chunk."""
     match values.ndim:
         case 0:
             return values

@@ -84,7 +84,6 @@ def _branch(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | Non
 
 
 def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) -> bool:
-    """Return whether something is drawn in an expression, or in what it names."""
     with checker.builder.written(apart=True) as made:
         for part in s.below(expr):
             if isinstance(part, s.Weights) or (isinstance(part, s.Call) and is_distribution(part.function)):
@@ -335,7 +334,6 @@ def _mapping(keys: Sequence[str], cells: Sequence[str]) -> str:
 
 
 def _written(part: s.Expr | tuple[s.TableRow, ...] | None) -> str:
-    """Return the text of a key or a cell."""
     if part is None:
         return "else"
     assert not isinstance(part, tuple)
@@ -365,7 +363,6 @@ def _probabilities(checker: BaseChecker, rows: Sequence[s.TableRow], scope: Scop
 
 
 def _is_number(expr: s.Expr, scope: Scope) -> bool:
-    """Return whether an expression is made of numbers, and of names of numbers."""
     for part in s.below(expr):
         if isinstance(part, s.Name):
             binding = scope.lookup(part.written)
@@ -379,7 +376,6 @@ def _is_number(expr: s.Expr, scope: Scope) -> bool:
 def _may_be_drawn(
     key: s.Expr, weights: Sequence[Fraction | float], column: _Column, scope: Scope, want: Domain | None
 ) -> bool:
-    """Return whether the key of a row may be a value that is drawn with a probability."""
     if isinstance(key, s.Boolean):
         return any(0 < weight < 1 for weight in weights)
     if not may_be_label(key, scope):
@@ -515,7 +511,6 @@ class _Table:
         return result
 
     def _number(self) -> Node:
-        """Return the number of the present combination of column values, row-major."""
         b = self.builder
         number: Node = b.scalar(0)
         for column in self.columns:
@@ -526,7 +521,6 @@ class _Table:
 
 
 def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
-    """Return whether there is a cell for all values of the columns."""
     if not columns or not keys:
         return bool(keys)
     values = columns[0].values

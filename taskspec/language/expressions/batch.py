@@ -292,7 +292,6 @@ def _planned(roots: tuple[Expression, ...]) -> _Plan:
 
 
 def _operation(node: Apply) -> Callable[..., Array]:
-    """Return one operator over a batch, as a function of its arguments."""
     if node.op in OPERATORS:
         return partial(function(node.op, node.type.kind), np, RUNTIME)
     static = node.static

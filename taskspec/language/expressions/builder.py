@@ -89,7 +89,6 @@ N = TypeVar("N", bound=Node)
 
 
 def _key(node: Node) -> tuple[Any, ...]:
-    """Return what nodes are interned by."""
     match node:
         case Const(type=type) if type.kind is Kind.REAL:
             return (Const, type, *map(repr, node.flat))
@@ -387,7 +386,6 @@ class Builder:
         return square
 
     def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:  # noqa: C901, PLR0912
-        """Return a simpler node of the same value, where one is plain to see."""
         match name, args:
             case "where", (Const(value=bool(c)), a, b):
                 return self.stretch(a if c else b, type.shape)

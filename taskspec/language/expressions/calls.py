@@ -144,7 +144,6 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
 def _applied(
     checker: BaseChecker, function: FunctionDef, expr: s.Call, given: list[Value], want: Domain | None = None
 ) -> Value:
-    """Return a definition with these values for its arguments."""
     with function.enter(expr):
         for name, value in zip(function.arguments, given, strict=True):
             axes = len(types.shape(value.node.type, value.domain))
@@ -156,7 +155,6 @@ def _applied(
 
 
 def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
-    """Return the value of `fold(f, start, x)` or `scan(f, start, x)`."""
     _check_positional(checker, expr)
     _check_count(checker, expr, f"{expr.function}(f, start, x)", len(expr.args) == 3)
     written, start, vector = expr.args

@@ -110,7 +110,6 @@ class Checker(BaseChecker):
         return Value(self.builder.scalar(number))
 
     def _label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
-        """Return a word that can only be a label."""
         found = scope.labelled(label)
         if want is None and len(found) == 1:
             want = found[0]

@@ -56,7 +56,6 @@ def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
 
 
 def _distribution(b: NodeMaker, x: Node) -> Node:
-    """Return the probability of a standard normal up to x."""
     z = b.apply("mul", b.apply("abs", x), b.scalar(math.sqrt(0.5)))
     t = b.apply("div", b.scalar(1.0), b.apply("add", b.scalar(1.0), b.apply("mul", b.scalar(0.5), z)))
     inner = b.apply("sub", _polynomial(b, t, ERFC[::-1]), b.apply("mul", z, z))
@@ -65,7 +64,6 @@ def _distribution(b: NodeMaker, x: Node) -> Node:
 
 
 def _quantile(b: NodeMaker, p: Node) -> Node:
-    """Return the x up to which a standard normal has the probability p."""
     q = b.apply("sub", p, b.scalar(0.5))
     r = b.apply("mul", q, q)
     middle = b.apply("div", b.apply("mul", _polynomial(b, r, A), q), _polynomial(b, r, B))
@@ -77,7 +75,6 @@ def _quantile(b: NodeMaker, p: Node) -> Node:
 
 
 def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
-    """Return the value of a polynomial, whose first coefficient belongs to the highest power."""
     value: Node = b.scalar(coefficients[0])
     for c in coefficients[1:]:
         value = b.apply("add", b.apply("mul", value, x), b.scalar(c))
@@ -134,7 +131,6 @@ def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _moved(b: Builder, by: Node, value: Node) -> Node:
-    """Return a draw with something added to it, unless that is the constant 0."""
     if isinstance(by, Const) and not any(by.flat) and by.type.is_scalar:
         return value
     return b.apply("add", by, value)
@@ -188,7 +184,6 @@ RARE = 2.0**-60
 
 
 def _failures(b: Builder, count: int, p: Node) -> Node:
-    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more."""
     type_ = Type(Kind.REAL, (count,))
     if isinstance(p, Const):
         q = Fraction(p.value)
@@ -218,7 +213,6 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return whether each place's number in a permutation is one of the first k."""
     n = a["n"]
     k = a["k"]
     assert isinstance(n, Const) and isinstance(k, Const)
@@ -228,7 +222,6 @@ def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return the first of two shares."""
     one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
     pairs = (b.structure("vector", pair) for pair in zip(one, other, strict=True))
     shares = [b.structure("element", [b.draw("dirichlet", (pair,), pair.type)], (0,)) for pair in pairs]
@@ -238,7 +231,6 @@ def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return an index drawn with the probabilities of all counts, which exact analysis lists."""
     n = a["n"]
     p = b.cast(a["p"], Kind.REAL)
     assert isinstance(n, Const)
@@ -277,7 +269,6 @@ def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> No
 
 
 def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
-    """Return the elements of an argument for each element of a draw."""
     if not shape:
         return [node]
     size = math.prod(shape)

@@ -108,7 +108,6 @@ def rounded(found: Range) -> Range:
 
 
 def _is_nearest(op: OperatorEntry, args: Args, found: Range) -> bool:
-    """Return whether an operator is correctly rounded, in either precision, or only selects elements."""
     if not isinstance(op, Operator):
         return True
     if op.elementwise:
@@ -203,7 +202,6 @@ def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[
 
 
 def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple[int, ...]:
-    """Return the numbers of operands, in ascending order where their order does not matter."""
     operands = tuple(numbers[id(a)] for a in args)
     entry = entry_of(op)
     if not entry.commutative:

@@ -118,7 +118,6 @@ def _refuse_keywords(value: str) -> None:
 
 
 def _of_character(value: str, at: int) -> str:
-    """Return what to write for a character of mathematics."""
     written = _CHARACTERS[value[at]]
     if "x" in written:
         return f"write {written}"
@@ -127,7 +126,6 @@ def _of_character(value: str, at: int) -> str:
 
 
 def _apart(word: str, before: str, after: str) -> str:
-    """Return a word with a space between it and a word beside it."""
     if word[:1].isalpha() and before[-1:].isalnum():
         word = f" {word}"
     if word[-1:].isalpha() and not after.startswith((" ", ")")):
@@ -267,7 +265,6 @@ _FORMATTED = re.compile(r"(?<!\w)f'(?=\{)")
 
 
 def _prepare(value: str, most: int) -> str:
-    """Return the text with primes replaced, after checking its length, brackets and quotes."""
     if len(value) > most:
         message = f"this expression has {len(value):,} characters; the limit is {most:,}"
         raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")

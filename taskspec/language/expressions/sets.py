@@ -108,7 +108,6 @@ def unroll(
     element = make or partial(checker.numeric, expr.element)
 
     def over(clauses: tuple[s.Clause, ...], scope: Scope) -> list[Node]:
-        """Return the elements for everything that the clauses go over, the last one fastest."""
         if not clauses:
             return [element(scope)]
         clause = clauses[0]
@@ -151,7 +150,6 @@ def _bind(checker: BaseChecker, clause: s.Clause, row: Array, domain: Domain | N
 
 
 def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Points:
-    """Return the elements of a set comprehension, without repetitions, in the order of enumeration."""
     columns: dict[str, Array] = {}
     bindings: dict[str, Any] = {}
     count = 1
@@ -203,7 +201,6 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
 
 
 def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None) -> _Points:
-    """Return what a clause goes over."""
     expr = clause.domain
     domain = None
     match expr:

@@ -58,7 +58,6 @@ def arguments(entry: ModifierEntry, bound: Modifier) -> dict[str, Any]:
 
 
 def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
-    """Return name and arguments."""
     match written:
         case Modifier():
             return written.name, dict(written.arguments)
@@ -93,7 +92,6 @@ def _texts(written: str, rest: str) -> dict[str, str]:
 
 
 def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the arguments that are kept, in the order of the table."""
     names = all_names(entry.arguments)
     if _FIRST in given and not names:
         _refuse(entry.name, "it has no arguments")
@@ -210,7 +208,6 @@ def _modified(task: Task, given: Modifier) -> Task:
 
 
 def _reduce(task: Task) -> tuple[Any, ...]:
-    """Return a pickled task, with its modifiers, which are applied again when it is built."""
     if not task.modifiers:
         return reduce_task(task)
     return _unpickled, (*reduce_task(task.unmodified), task.modifiers, task.annotations.remembers)

@@ -51,7 +51,6 @@ def _random(b: Builder, task: Task, given: Arguments) -> Task:
 
 
 def _any(b: Builder, c: Component) -> Node:
-    """Return a uniformly random value of a component."""
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
     given = {"low": b.constant(c.low, c.type), "high": b.constant(c.high, c.type)}
@@ -60,7 +59,6 @@ def _any(b: Builder, c: Component) -> Node:
 
 
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
-    """Return the table has a row of actions for every state, or one row for all."""
     count = core.combinations(task.action, "the actions")
     states = 1
     if given["per_state"]:

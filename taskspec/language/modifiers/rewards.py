@@ -107,7 +107,6 @@ def few_rewards(b: Builder, task: Task) -> FewRewards | None:
 
 
 def _values(b: Builder, node: Node, args: list[Values]) -> Values:
-    """Return the constants that a node may come to, given those of its arguments, or else by its bounds."""
     kind = node.type.kind
     found: list[Node] | None = None
     match node:
@@ -163,7 +162,6 @@ _QUEUE = "rewards not paid yet, the oldest first"
 
 
 def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
-    """Return the queue without its first element, and with another one at its end."""
     steps = queue.type.size
     tail = b.structure("vector", [entry])
     if steps == 1:
@@ -206,7 +204,6 @@ def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[core.
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest number that both are multiples of."""
     return Fraction(math.gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
 
 
@@ -241,7 +238,6 @@ def _times(steps: int) -> str:
 
 
 def _changed(b: Builder, task: Task, op: str, given: float) -> Task:
-    """Return an operation on the reward and on what absorbing states pay."""
     number = b.scalar(float(given))
     reward = b.apply(op, number, task.process.reward)
     absorbing = b.apply(op, number, task.process.absorbing_reward)
@@ -263,7 +259,6 @@ def _shaped(b: Builder, task: Task, given: Arguments) -> Task:
 
 
 def _some_state(task: Task) -> str:
-    """Return a number that depends on the state."""
     c: Component = task.state[0]
     if not c.type.is_scalar:
         return f"sum({c.name})"

@@ -29,7 +29,6 @@ def _twin(b: Builder, task: Task, given: Arguments) -> Task:
 
 
 def _declared(task: Task, name: str) -> Symmetry:
-    """Return a symmetry by its name."""
     known = entries_by_name(task.unmodified.annotations.symmetries)
     if name not in known:
         reason = "it declares no symmetries"
@@ -68,7 +67,6 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
-    """Return components with the known bounds that parts of a map give them."""
     made = list(components)
     for part in found:
         ends = list(bounds(part))
@@ -97,7 +95,6 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
 
 
 def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    """Return the task in which an action does what its image under the map did."""
     found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
     executed: dict[str, Node] = {}
     for part in found:
@@ -121,7 +118,6 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:
-    """Return the original of a part of an action, by component."""
     given = [core.present(b, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)

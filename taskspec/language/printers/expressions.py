@@ -208,7 +208,6 @@ _OPPOSITE = {"==": "!=", "!=": "==", "in": "not in", "not in": "in", "<": ">=", 
 
 
 def _squared(factors: list[s.Expr]) -> list[s.Expr]:
-    """Return factors with a name that follows itself as its square."""
     found: list[s.Expr] = []
     for factor in factors:
         if (
@@ -225,12 +224,10 @@ def _squared(factors: list[s.Expr]) -> list[s.Expr]:
 
 
 def _leads(piece: Piece, operand: m.Math) -> bool:
-    """Return whether an operand leads with a sign, being without brackets."""
     return piece.signed and operand is piece.tree
 
 
 def _signed(sign: str, piece: Piece) -> Piece:
-    """Return a piece with a sign before it, which binds no tighter than the piece does."""
     (operand,) = operands("sign", [piece])
     own = applied("sign", m.Row((m.Sym(sign), operand)), signed=True)
     if operand is not piece.tree:

@@ -68,7 +68,6 @@ def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys,
 
 
 def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
-    """Return the condition that one of the rows applies."""
     if all(len(keys) == 1 for keys in rows):
         return _equal(w, by[0], [keys[0] for keys in rows if keys[0] is not None])
     conjunctions = []
@@ -152,7 +151,6 @@ def _quantifier(sign: str, conjunction: str) -> Idiom:
 
 
 def _of_elements(w: Writer, arg: s.Comprehension, call: s.Call) -> s.Comprehension:
-    """Return a list of lists as the list of what a function makes of each of them."""
     if not rank(under(w, arg), arg.element):
         return arg
     return replace(arg, element=replace(call, args=(arg.element,)))
@@ -319,7 +317,6 @@ def _integer(value: int) -> m.Math:
 
 
 def _int(tree: m.Math) -> int | None:
-    """Return the integer that is written, with or without a sign."""
     match tree:
         case m.Num(text=text) if text.isdecimal():
             return int(text)
@@ -345,7 +342,6 @@ def _over(w: Writer, expr: s.Comprehension) -> m.Math:
 
 
 def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
-    """Return the sets that the variables of a comprehension run over."""
     sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
     return [m.Row((_target(w, c), m.Sym("∈"), domain)) for c, domain in zip(expr.clauses, sets, strict=True)]
 
@@ -355,7 +351,6 @@ def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
 
 
 def _is_set(domain: s.Expr) -> bool:
-    """Return whether a variable goes to no value twice, so that values can be counted in its place."""
     match domain:
         case s.Call(function="range" | "box") | s.SetOf() | s.Comprehension(is_set=True):
             return True

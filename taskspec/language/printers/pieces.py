@@ -116,7 +116,6 @@ def multiply(trees: Sequence[m.Math], vectors: Sequence[bool]) -> m.Math:
 
 
 def _may_touch(left: m.Math, right: m.Math) -> bool:
-    """Return whether two factors can stand side by side without being read as something else."""
     if isinstance(right, m.Script | m.Ident) and _letter(right):
         if isinstance(left, m.Row) and len(left.items) == 2 and isinstance(left.items[0], m.Sym):  # a sign
             return _letter(left.items[1]) or isinstance(_last(left), m.Num | m.Frac)
@@ -127,7 +126,6 @@ def _may_touch(left: m.Math, right: m.Math) -> bool:
 
 
 def _letter(node: m.Math) -> bool:
-    """Return whether a node is a single letter, with its scripts."""
     match node:
         case m.Ident(text=text, style=style):
             return len(text) == 1 and style == "italic"
@@ -145,7 +143,6 @@ def _last(node: m.Math) -> m.Math:
 
 
 def _is_name(node: m.Math) -> bool:
-    """Return whether a node is a named function with its arguments, such as sin(x)."""
     match node:
         case m.Row(items=(m.Ident(), m.Fence(left="("))):
             return True

@@ -324,7 +324,6 @@ def _entry(w: Writer, expr: s.Subscript, at: tuple[s.Name, ...]) -> s.Expr:
 
 
 def _variable(expr: s.Expr) -> str | None:
-    """Return the variable of `[e for i in range(n)]`, which is the index of its elements."""
     match expr:
         case s.Comprehension(is_set=False, clauses=(s.Clause((name,), s.Call("range", (_,)), ()),)):
             return name

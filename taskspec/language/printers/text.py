@@ -34,7 +34,6 @@ def _operands(operator: str, *exprs: s.Expr) -> list[str]:
 
 
 def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
-    """Return an expression, and how tightly its outermost operator binds."""
     match expr:
         case s.Number(text=written):
             return written, NAME

@@ -120,7 +120,6 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
 
 
 def _extended(data: Any) -> Iterator[tuple[Path, str]]:
-    """Yield every mention of another file, with its path."""
     if not isinstance(data, dict):
         return
     entries: list[tuple[Path, Any]] = [((), data)]

@@ -271,7 +271,6 @@ def places(text: str, scalar: ScalarNode) -> list[tuple[int, int]]:
 
 
 def _flow(text: str, start: int, end: int, style: Style) -> list[Place]:
-    """Return the places in plain and quoted scalars, with folded lines and the escapes of their style."""
     found: list[Place] = []
     at = start
     while at < end:
@@ -301,7 +300,6 @@ def _flow(text: str, start: int, end: int, style: Style) -> list[Place]:
 
 
 def _escaped(text: str, at: int) -> tuple[str, int]:
-    """Return the characters that an escape between double quotes makes, and where it ends."""
     if join := _JOIN.match(text, at):
         return "\n" * len(_BREAK.findall(join.group(1))), join.end()
     escape = _ESCAPE.match(text, at)
@@ -348,5 +346,4 @@ def _indentation(text: str, at: int, value: str) -> int:
 
 
 def _lead(text: str, at: int) -> int:
-    """Return how many spaces stand directly before a position."""
     return at - len(text[:at].rstrip(" "))

@@ -50,7 +50,6 @@ def _escape(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
 
 
 def _open_quote(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
-    """Return the finding for a quote that is not closed, or only by a quote or a prime in a later line."""
     start = syntax.since
     last = syntax.last
     if "quoted" in syntax.context and start is not None:
@@ -137,7 +136,6 @@ def _colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
 
 
 def _after_value(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
-    """Return the finding for something that follows, on the same line, a value that was already complete."""
     last = syntax.last
     at = syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
@@ -154,7 +152,6 @@ def _after_value(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
 
 
 def _brace(text: str, node: nodes.MappingNode, in_flow: bool = False) -> nodes.TextProblem:
-    """Return the finding for an expression that YAML takes for a mapping."""
     end = max(node.end, nodes.value_end(text, node.start, in_flow))
     message = "an expression cannot start with `{`: YAML reads a mapping"
     return nodes.TextProblem("E103", node.start, end, message, nodes.in_quotes(text[node.start : end]))
@@ -234,7 +231,6 @@ def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
 
 
 def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
-    """Yield entries of a mapping that YAML cuts in pieces, and keys that have no value for another reason."""
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
     without = [key for key, value in node.entries if isinstance(value, nodes.ScalarNode) and _is_absent(value)]
@@ -258,7 +254,6 @@ def _is_absent(value: nodes.ScalarNode) -> bool:
 
 
 def _cut(text: str, pieces: Sequence[nodes.Node]) -> Iterator[nodes.TextProblem]:
-    """Yield calls that a comma splits, so that one piece opens more brackets than it closes."""
     done = 0
     for node in pieces:
         is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"

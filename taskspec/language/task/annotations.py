@@ -167,7 +167,6 @@ def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
 def _named(
     context: Context, entry: Mapping[str, Any], key: str, section: str, path: Path
 ) -> Iterator[tuple[str, s.Expr]]:
-    """Yield the entries of one key of an example, those that are well-formed and name something there is."""
     known = _names(context, section)
     for name in entry.get(key) or {}:
         here = (*path, key, name)
@@ -246,7 +245,6 @@ def _shown(
 
 
 def _component(context: Context, c: Component, value: Value) -> tuple[Component, Node]:
-    """Return a component that is seen, within bounds that follow from its expression."""
     low, high = context.builder.bounds(value.node)
     size = value.node.type.size
     made = replace(c, type=value.node.type, low=(low,) * size, high=(high,) * size, domain=value.domain)
@@ -300,7 +298,6 @@ def looking(context: Context, memory: ExpertMemory, observation: Observation, ex
 
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
     found = []
     for c, node in zip(components, nodes, strict=True):
         node = kept(builder, c, node)

@@ -165,13 +165,11 @@ def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int)
 
 
 def _of_row(components: Sequence[Component], row: Array) -> Values:
-    """Return a value whose elements are given in order."""
     ends = np.cumsum([0, *(c.type.size for c in components)])
     return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}
 
 
 def _ends(components: Sequence[Component]) -> tuple[Array, Array]:
-    """Return the low and the high ends of all elements in order."""
     low: list[float] = []
     high: list[float] = []
     for c in components:

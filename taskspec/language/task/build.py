@@ -224,7 +224,6 @@ def outline(document: Document, variant: str | None, parameters: Mapping[str, An
 
 
 def _bound(document: Document, variant: str | None, parameters: Mapping[str, Any] | None) -> Context:
-    """Return a document's task with its parameters bound, and nothing else."""
     merged = shaped(document, variant)
     context = Context(merged, Collector())
     check_names(merged, context.collector)
@@ -316,7 +315,6 @@ def _check(task: Task, name: str) -> None:
 
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
-    """Return a mistake that there is because parameters are open."""
     subject = f"all of the parameters {', '.join(names)}"
     if len(names) == 1:
         subject = f"parameter {names[0]}"

@@ -73,7 +73,6 @@ _NAMED = {Kind.BOOL: "a bool", Kind.INT: "an int", Kind.REAL: "a real"}
 
 
 def _whole(expr: s.Expr, c: Component) -> str:
-    """Return what to do about a real that is to be an int."""
     if isinstance(expr, s.Call) and expr.function in ("put", "concat"):
         return f"declare '{c.name}' `type: real` if it is to hold reals"
     if isinstance(expr, s.Binary) and expr.op == "/":

@@ -170,7 +170,6 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
 
 
 def _converted(context: Context, name: str, value: Any, kind: str, labels: Any) -> Any:
-    """Return a given value as one of the parameter's kind."""
     if isinstance(value, Varying):
         value = value.value
     if kind == "choice" and isinstance(value, str) and value in labels:
@@ -377,7 +376,6 @@ def bound(context: Context, key: str, path: Path, type_: Type, scope: Scope) -> 
 
 
 def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:
-    """Return labels of a choice, and their values when it is mapped or its labels are numbers."""
     values = entry["values"]
     here: Path = (*path, "values")
     symbols = None if entry.get("symbols") is None else tuple(entry["symbols"])

@@ -250,7 +250,6 @@ class Forms:
         return tuple(result)
 
     def _cell(self, cell: Any, depth: int, path: Path) -> s.Expr | tuple[s.TableRow, ...] | None:
-        """Return the rows of the next column, or the cell of a row that has none."""
         is_rows = isinstance(cell, dict) and bool(cell) and not cell.keys() & _TABLE
         if is_rows and depth > 1:
             return self._rows(cell, depth - 1, path)
@@ -267,7 +266,6 @@ def is_word(label: str) -> bool:
 
 
 def _part(span: Span, key: str, start: int, end: int) -> Span:
-    """Return a range of characters of a key written on one line (a quoted key counts as a whole)."""
     if span.line != span.end_line or span.end_column - span.column != len(key):
         return span
     return Span(span.origin, span.line, span.column + start, span.line, span.column + end)

@@ -125,7 +125,6 @@ def merge(document: Document, variant: str | None = None) -> Merged:
 
 
 def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
-    """Return a spec without its variants, or one variant, merged into what it is based on."""
     name = str(document.data.get("name", ""))
     own = {key: value for key, value in document.data.items() if key not in _DROPPED}
     if base is None:
@@ -159,12 +158,10 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
 
 
 def _root(variant: str | None) -> Path:
-    """Return where the sections of a variant, or of the spec itself, stand."""
     return () if variant is None else ("variants", variant)
 
 
 def _sections(document: Document, variant: str | None) -> dict[str, Any]:
-    """Return what a variant, or the spec itself, has at the top."""
     found: dict[str, Any] = document.data
     for step in _root(variant):
         found = found[str(step)] or {}
@@ -243,7 +240,6 @@ def stripped(merged: Merged) -> Merged:
 
 
 def _key(document: Document, variant: str) -> str:
-    """Return the key of a variant that is given by its key or by the name of its task."""
     name = str(document.data.get("name", ""))
     variants: dict[str, Any] = document.data.get("variants") or {}
     if variant in variants:

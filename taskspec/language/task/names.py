@@ -90,7 +90,6 @@ class Names:
         return self._restricted(section, visible, "a symmetry maps observations and actions; '{}' is not part of this")
 
     def _restricted(self, section: str, visible: Mapping[str, Binding], message: str, hint: str | None = None) -> Scope:
-        """Return the names visible in a section that sees neither the state nor, unless it says so, the action."""
         context = self.context
         bindings: dict[str, Binding] = dict(context.constants)
         for c in (*context.state, *context.action):
@@ -118,7 +117,6 @@ class Names:
         self._bind_definitions(scope.bindings, scope)
 
     def _finished(self, section: str, bindings: dict[str, Binding]) -> Scope:
-        """Return the scope of a section, with noise, end and definitions beside the names that are its own."""
         self._bind_noise(bindings, section)
         if section != "initial":
             self._bind_end(bindings, section)
@@ -151,7 +149,6 @@ class Names:
                 bindings.setdefault(name, self._observed(name))
 
     def _observed(self, name: str) -> Binding:
-        """Return an observation as the expert reads it."""
         if not self.context.memory:
             message = f"'{name}' is an observation, and an expert without `memory` reads the state"
             hint = "declare what it remembers; it then also reads what is observed"

@@ -49,7 +49,6 @@ def task_of(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
 
 
 def _first(lacking: Sequence[Diagnostic]) -> Diagnostic:
-    """Return the first of several mistakes that have one cause, with the places of the others."""
     first, *others = lacking
     places = dict.fromkeys(_line(d, first) for d in others)
     note = f"a value is missing in {', '.join(places)} as well"
@@ -57,7 +56,6 @@ def _first(lacking: Sequence[Diagnostic]) -> Diagnostic:
 
 
 def _line(d: Diagnostic, beside: Diagnostic) -> str:
-    """Return the place of a diagnostic, in short if it is in the same file as another one."""
     assert d.span is not None and beside.span is not None
     if d.span.origin == beside.span.origin:
         return f"line {d.span.line}"

@@ -74,7 +74,6 @@ def component(c: Component) -> dict[str, Any]:
 
 
 def _bound(values: Sequence[float]) -> Any:
-    """Return the bounds of a component, or one number where all elements share it."""
     if len(set(values)) == 1:
         return values[0]
     return list(values)
@@ -104,7 +103,6 @@ def _extent(components: Sequence[Component]) -> str:
 
 
 def _short(n: int) -> str:
-    """Return a count, in scientific notation from a million on."""
     if n < 1_000_000:
         return f"{n:,}"
     digits = len(str(n)) - 1

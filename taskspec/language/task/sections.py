@@ -232,7 +232,6 @@ def _check_space(context: Context, components: Sequence[Component], space: str) 
 
 
 def _edge(context: Context, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
-    """Return a declared bound of an observed expression, if there is one."""
     entry = context.data["observation"][name]
     if not is_bounded(entry) or entry.get(key) is None:
         return None

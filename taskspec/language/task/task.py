@@ -387,7 +387,6 @@ class Task(InNotebooks):
         return replace(changed, state=state).with_annotations(expert=expert, memory=None, remembers=True)
 
     def _shown(self, memory: parts.ExpertMemory) -> tuple[dict[tuple[Role, str], Node], parts.ExpertMemory]:
-        """Return what the expert sees as functions of the state, where nothing is drawn, and the memory without these."""
         shown: dict[tuple[Role, str], Node] = {}
         kept = list(range(len(memory.declared)))
         for i in range(len(kept), len(memory.components)):
@@ -399,7 +398,6 @@ class Task(InNotebooks):
         return shown, memory.only(kept)
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
-        """Return nodes of a memory with an observation in the place of what it reads of it."""
         return self.new_builder().substitute(nodes, parts.by_read(Role.NEXT, self.observation.components, observed))
 
     @cached_property

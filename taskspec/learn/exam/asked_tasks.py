@@ -118,7 +118,6 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 
 
 def _expert_actions(task: Task, way: str, seed: int) -> Array:
-    """Return the names of the expert's actions, (steps,), in some episodes, which are the same under every seed."""
     twin = modify(task, way.format(seed=seed))
     policy = "optimal" if twin.annotations.expert is None else "expert"
     return np.asarray(demonstrations(twin, policy, episodes=SHOWN).acts)

@@ -142,7 +142,6 @@ def card(exam: Mapping[str, Any]) -> Card:
 
 
 def _word(exam: Mapping[str, Any], row: TaskRow) -> str:
-    """Return what is wrong with a learner on a task, in few words."""
     if row.grade is None:
         return ""
     for flag in exam["flags"]:
@@ -189,7 +188,6 @@ def _passed(rows: Sequence[TaskRow]) -> str:
 
 
 def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[TaskRow]) -> tuple[str, str]:
-    """Return what was measured, in a sentence, and the nearest known mistake with what to do about it."""
     mistake = _nearest_with_advice(exam)
     failing = [row for row in rows if row.grade in ("fails", None)]
     if failing:
@@ -220,7 +218,6 @@ def nearest(diagnosis: Mapping[str, Any]) -> str:
 
 
 def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: int) -> tuple[str, str]:
-    """Return the first line of an exam in which nothing fails and nothing is flagged."""
     fixed = [row.name for row in (*rows, *passed) if row.grade == "passes"]
     unsure = [row.name for row in rows if row.grade == "unsure"]
     if unsure:
@@ -251,7 +248,6 @@ def _sentence(text: str) -> str:
 
 
 def _first_clause(text: str) -> str:
-    """Return the first of several pieces of advice."""
     return re.split(r"[;.:] ", text)[0].rstrip(".") + "."
 
 
@@ -291,7 +287,6 @@ def matrix(cards: Mapping[str, Card]) -> LearnerMatrix:
 
 
 def _without_family(learners: Sequence[str]) -> list[str]:
-    """Return the names of learners, without the family or folder if all are in one."""
     parts = [name.rpartition("/") for name in learners]
     families = {family for family, _, _ in parts}
     if len(families) == 1:

@@ -137,7 +137,6 @@ def mean_curve(curves: Sequence[Curve]) -> tuple[list[float], list[float]]:
 
 
 def _steps(count: float) -> str:
-    """Return `250k`, `1.5M`."""
     if count < 1000:
         return f"{count:g}"
     if count < 1e6:
@@ -303,7 +302,6 @@ def table(found: LearnerMatrix) -> Chart:
 
 
 def _headed(task: str) -> str:
-    """Return a name in lines that are short enough for a column."""
     lines = [""]
     for part in re.split(r"(?<=[a-z])(?=[A-Z])|(?<=, )", task):
         if len(lines[-1]) + len(part) > LONGEST:

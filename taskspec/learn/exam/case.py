@@ -114,7 +114,6 @@ class Oracle:
 
 
 def _each(batch: Any, form: str) -> Iterator[Hashable]:
-    """Yield each of a batch of observations or actions, as something that a dictionary finds again."""
     if isinstance(batch, dict):
         yield from zip(*(_each(batch[name], "float64") for name in sorted(batch)), strict=True)
         return
@@ -276,7 +275,6 @@ class Case:
         self.spent.comparisons += comparisons
 
     def _next_seed(self) -> int:
-        """Return a seed far from those of other environments, and from those that policies are scored on."""
         self._made += 1
         return (self.seed + 1 << 32) + (self._made << 20)
 

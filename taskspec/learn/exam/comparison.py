@@ -113,7 +113,6 @@ def _summary(name: str, exam: Exam, runs: Sequence[Array], tasks: Sequence[str])
 
 
 def _iqm(runs: Sequence[Array]) -> float:
-    """Return the mean of the middle half of all scores."""
     scores = np.sort(np.concatenate(runs))
     cut = len(scores) // 4
     return float(scores[cut : len(scores) - cut].mean())

@@ -94,12 +94,10 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
 
 
 def _is_ours(place: str) -> bool:
-    """Return whether a place is the name or the file of settings of a learner of this package."""
     return ":" not in place or place.endswith((".yaml", ".yml"))
 
 
 def _absolute(place: str) -> str:
-    """Return a place that means the same in every folder."""
     if place.endswith((".yaml", ".yml")):
         return str(Path(place).resolve())
     if not is_function(place):
@@ -109,7 +107,6 @@ def _absolute(place: str) -> str:
 
 
 def _imported(place: str) -> tuple[Any, str]:
-    """Return the learner at a place, and a hash of what it does."""
     if is_function(place):
         file, name = place_of(place)
         return function_of(place, "(case)"), code_hash(file, name)

@@ -158,8 +158,6 @@ def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, 
 
 
 def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | None) -> int:
-    """Return the seeds that there is time for, and have the trials take the steps that there is time for."""
-
     def pilot(steps: int) -> None:
         trials.steps = steps
         trials.run(trials.plan(asked, (0,), 0, False))
@@ -207,7 +205,6 @@ def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
 
 
 def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], found: Exam) -> list[LawScore]:
-    """Return the scores on the tasks of an exam as laws change them, beside those of the exam."""
     changed = changed_tasks(asked, laws, exam_id)
     if not changed:
         return []
@@ -349,7 +346,6 @@ def _exam(
 
 
 def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
-    """Return a task of the exam, from its baselines and those of its twins."""
     found, *twins = measured
     constants = found["constants"]
     worst = constants
@@ -444,7 +440,6 @@ def seeds_and_steps(
 
 
 def _rounded(number: float) -> int:
-    """Return a number rounded down to two digits."""
     if number < 1:
         return 1
     unit = int(10 ** max(0, math.floor(math.log10(number)) - 1))

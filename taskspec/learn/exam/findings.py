@@ -194,7 +194,6 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_act
 def _variations(
     book: RuleBook, exams: Mapping[str, Mapping[str, Any]], evaluator: ScoreEvaluator
 ) -> dict[str, ScoreEvaluator]:
-    """Return evaluators with other actions and with other thresholds, by words for the page."""
     actions = "best actions" if evaluator.scores.drawn else "drawn actions"
     return {
         actions: _evaluator(book, exams, other_actions=True),

@@ -152,7 +152,6 @@ def _rest(change: Array, before: Array) -> Array | None:
 
 
 def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
-    """Return V (S,) of Q (A, S)."""
     if operator.reduce is not None:
         return operator.reduce(dynamics, behaviour, Q)
     if is_critic:
@@ -380,7 +379,6 @@ class _Observed:
 
 
 def _far(one: Way, other: Way, weights: Array) -> float:
-    """Return the distance of two fixed points."""
     return float(_distance(one.fixed_point, other.fixed_point, weights))
 
 

@@ -160,7 +160,6 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
 
 
 def _why_not(others: Exam, task: str) -> str:
-    """Return why there are no scores of a changed task."""
     scores: list[Score] = [score for score in others["scores"] if score["task"] == task]
     errors = [score["error"] for score in scores if score["error"] is not None]
     if errors:

@@ -116,7 +116,6 @@ def _values_of(task: Task, policy: Any) -> dict[str, Any]:
 
 
 def _normalises_rewards(model: Any) -> bool:
-    """Return whether the values of a model of Stable-Baselines3 are on a scale of their own (`VecNormalize`)."""
     if hasattr(model, "get_vec_normalize_env"):
         wrapper = model.get_vec_normalize_env()
     else:
@@ -125,7 +124,6 @@ def _normalises_rewards(model: Any) -> bool:
 
 
 def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[[Any], Array]:
-    """Return a network of a model of Stable-Baselines3 as a function of observations."""
     normalise = Predictor(task, model).normalise
 
     def values(observations: Any) -> Array:

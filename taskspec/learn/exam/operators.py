@@ -71,17 +71,14 @@ def _action_before(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 
 
 def _any_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
-    """Return the mean of the targets over actions, for each action."""
     return np.broadcast_to(acts.expected(OPERATORS["right"].targets(s, acts, Q, V)), Q.shape)
 
 
 def _stale_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
-    """Return the same for the actions that may come before a state."""
     return np.where(acts.comes_before, _any_action(s, acts, Q, V), s.initial)
 
 
 def _grows(s: Dynamics, learned: Array) -> float | None:
-    """Return 0 if values are larger than any return, and than those before anything was learned."""
     bound = np.abs(s.R).max() / (1 - s.gamma) if s.gamma < 1 else np.inf
     if np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)):
         return 0.0
@@ -89,7 +86,6 @@ def _grows(s: Dynamics, learned: Array) -> float | None:
 
 
 def _one_pair(s: Dynamics, learned: Array) -> float:
-    """Return 0 if one value alone, of several, is not what it was before anything was learned, else 1."""
     changed = learned[:, s.acted] != s.initial
     return float(not changed.sum() == 1 < changed.size)
 

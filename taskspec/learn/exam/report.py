@@ -105,7 +105,6 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
 
 
 def _known(formats: Iterable[str]) -> list[str]:
-    """Return the formats asked for, each once, or raise E726 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for name in wanted:
         if name not in FORMATS:
@@ -145,7 +144,6 @@ def page_of_several(found: LearnerMatrix) -> str:
 
 
 def _breakable(name: str) -> Markup:
-    """Return a name that may be broken before its capital letters."""
     parts = re.split(r"(?<=[a-z])(?=[A-Z])", name)
     return Markup("<wbr>").join(parts)
 
@@ -158,7 +156,6 @@ def _embedded(kind: str, draw: Callable[..., Chart], *drawn: Any) -> Markup:
 
 
 def _row(row: TaskRow, forms: Sequence[str], ends: card_charts.Ends) -> dict[str, Any]:
-    """Return a task with its strip, and its numbers in words, each with its interval."""
     numbers = []
     for form in forms:
         cell = row.forms[form]
@@ -170,7 +167,6 @@ def _row(row: TaskRow, forms: Sequence[str], ends: card_charts.Ends) -> dict[str
 
 
 def _code(text: str) -> Markup:
-    """Return words with what stands between backticks as code."""
     parts = text.split("`")
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if i % 2 and i < len(parts) - 1 else part for i, part in enumerate(parts)

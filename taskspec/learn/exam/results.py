@@ -229,7 +229,6 @@ def read(folder: Path | str) -> Exam:
 
 
 def _inconsistent(exam: dict[str, Any]) -> Problem | None:
-    """Return the first problem that the types of an exam's fields do not show."""
     tasks = exam["tasks"]
     for part in ("scores", "flags"):
         for i, entry in enumerate(exam[part]):
@@ -252,7 +251,6 @@ def _words(path: tuple[str | int, ...]) -> str:
 
 
 def _place(given: Path) -> Path:
-    """Return the file that a folder, a file, or the name of a baseline means."""
     suite = given.parent
     name = given.name
     shipped = registry.tasks_root() / suite / BASELINES / f"{name}.json"

@@ -157,7 +157,6 @@ class RewardMdp:
         return R
 
     def _call(self, reward: Any, left: Array, action: int, next_state: Array) -> Array:
-        """Return the rewards of steps by a function of observations."""
         layout = self.model.task.action_layout
         if layout.form == "discrete":
             one: Any = action + layout.starts[0]
@@ -169,8 +168,6 @@ class RewardMdp:
         return np.asarray(reward(before, actions, after), np.float64)
 
     def _backward(self, R: Array, choose: Callable[[int, Array], Array]) -> Iterator[tuple[int, Array, Array]]:
-        """Yield t, Q[t] (S, A) and V[t] (S,), from the last step to the first."""
-
         def backup(t: int, V: Array) -> Array:
             return self._q(R, V)
 
@@ -196,7 +193,6 @@ class RewardMdp:
         return [pi]
 
     def _stationary(self, R: Array, pi: Array) -> Array:
-        """Return V (S,) of a policy (S, A) without a horizon."""
         moves = sum(sparse.diags_array(pi[:, a]) @ part for a, part in enumerate(self.model.sparse))
         everywhere = np.ones(self.model.n_states, np.bool_)
         return chain_values((self.model.discount * moves).tocsr(), (pi * R).sum(axis=1), everywhere)
@@ -259,7 +255,6 @@ def half_distance(one: Array, other: Array) -> float:
 
 
 def _step_before(mdp: RewardMdp) -> Array:
-    """Return the mean reward of the steps that lead to a state."""
     weights = np.tile(mdp.visits / mdp.model.n_actions, mdp.model.n_actions)
     arrivals = mdp.next_visits(weights)
     paid = mdp.next_visits(weights * mdp.true.T.reshape(-1))
@@ -268,7 +263,6 @@ def _step_before(mdp: RewardMdp) -> Array:
 
 
 def _step_after(mdp: RewardMdp) -> Array:
-    """Return the mean reward of the next step, of random actions."""
     return action_values(mdp.model.going, np.zeros_like(mdp.true.T), 1.0, mdp.true.mean(axis=1)).T
 
 

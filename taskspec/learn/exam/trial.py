@@ -261,7 +261,6 @@ def _number(value: Return | None) -> float | None:
 
 
 def _words(error: Exception, train: Any) -> str:
-    """Return an error with the place in the learner's file that it passed last, else in any file but ours."""
     words = "".join(traceback.format_exception_only(error)).strip()
     if isinstance(error, TaskspecError):
         words = str(error)

@@ -226,7 +226,6 @@ class _Entry:
                     yield instance
 
     def _modifiers(self) -> list[list[Option]]:
-        """Return what each modifier of the entry may be, in order."""
         found: list[list[Option]] = []
         for i, written in enumerate(self.entry.modifiers):
             try:
@@ -279,7 +278,6 @@ class _Entry:
             yield Axis(tuple(kinds[name].name for name in together), list(zip(*lists, strict=True)))
 
     def _replaced(self, axes: list[Axis], known: Sequence[Parameter]) -> list[Axis]:
-        """Return the axes, with those for which other values were given in their place."""
         keys = {key: p.name for p in known for key in (p.name, p.alias) if key and any(key in s for s in self.instead)}
         self.replaced = frozenset(keys)
         if not keys:
@@ -304,7 +302,6 @@ class _Entry:
         return wanted.count
 
     def _settings(self, axes: Sequence[Axis]) -> Iterable[tuple[Values, ...]]:
-        """Return one tuple of values for each axis."""
         count = self._count()
         if count is None:
             return combinations(axes)
@@ -344,7 +341,6 @@ class _Entry:
         return Instance(name, source, self.task.source.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
-        """Return the parameters with the defaults that they have beside the values that are no expressions."""
         texts = {p.name for p in known if p.kind != "choice" and isinstance(given.get(p.name), str)}
         if not texts:
             return known

@@ -86,7 +86,6 @@ def listed(written: Any, kind: str) -> list[Any] | Draw:
 
 
 def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
-    """Return the numbers of a range as they are written, in decimals."""
     start, stop, *rest = (Fraction(str(x)) for x in numbers)
     return start, stop, rest[0] if rest else Fraction(1)
 
@@ -170,7 +169,6 @@ class Assignment:
         return node.numbers[0]
 
     def _value(self, name: str, at: s.Name) -> Value:
-        """Return a parameter as an expression reads it."""
         parameter = self.known[name]
         value = self._plain(name) if name in self.given else parameter.value
         if isinstance(value, str):
@@ -245,7 +243,6 @@ def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values
 
 
 def _at(axes: Sequence[Axis], index: int) -> tuple[Values, ...]:
-    """Return the combination with an index among all of them."""
     found: list[Values] = []
     for axis in reversed(axes):
         index, i = divmod(index, axis.size)

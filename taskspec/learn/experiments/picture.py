@@ -133,12 +133,10 @@ def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> l
 
 
 def _fixed(row: Measured) -> list[str]:
-    """Return the modifiers that are the same in a whole panel."""
     return [text for text in row.instance.modifiers if text.partition("=")[0] not in row.instance.varied]
 
 
 def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Measured, ...]]]:
-    """Return rows by the values of parameters that have no axis."""
     found: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
         found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
@@ -255,12 +253,10 @@ def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], li
 
 
 def _label(row: Measured) -> str:
-    """Return what an instance is called beside others of its task."""
     return row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task
 
 
 def _is_geometric(xs: Sequence[float]) -> bool:
-    """Return whether values are far apart, each about as many times the one before."""
     ratios = [b / a for a, b in itertools.pairwise(xs)]
     return len(ratios) > 1 and min(ratios) >= 2 and max(ratios) <= 2 * min(ratios)
 

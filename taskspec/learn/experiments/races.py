@@ -89,7 +89,6 @@ def rounds(family: ExperimentFile, seed: int) -> Iterator[list[Instance]]:
 
 
 def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:
-    """Return a family with another seed of each sample."""
     entries = []
     for entry in family.experiment.tasks:
         given = entry.sample
@@ -128,7 +127,6 @@ def race(
 
 
 def _return(one: Examinee, results: Results, seed: int, steps: int) -> float:
-    """Return the expected return of what a learner learns with a seed."""
     train = one.trainer()
     learned = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
     if one.together:

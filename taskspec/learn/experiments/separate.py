@@ -123,7 +123,6 @@ class Search:
                 return
 
     def _finalists(self, instances: Sequence[Instance]) -> Iterator[Subject]:
-        """Yield instances on which the learners differ with more seeds as well."""
         gaps: list[float] = []
         while len(gaps) < len(instances) and not self._is_over():
             gaps += self._gaps(instances[len(gaps) : len(gaps) + races.CHUNK], races.SCREENING, ())
@@ -159,7 +158,6 @@ class Search:
     def _races(
         self, wanted: Sequence[tuple[Subject, tuple[int, ...]]], learners: Sequence[Examinee]
     ) -> list[list[list[float] | None]]:
-        """Return the scores of learners in several races, each of one task and some seeds."""
         limits = written_limits()
         calls = [
             (subject, tuple(each.elsewhere() for each in learners), seeds, self.steps, limits)

@@ -117,7 +117,6 @@ def _one_start(task: FrozenTask) -> Iterator[FrozenTask]:
 
 
 def _fewer_outcomes(task: FrozenTask) -> Iterator[FrozenTask]:
-    """Yield the task with one outcome only of each step that has several."""
     for s, by_action in enumerate(task.outcomes):
         for a, outcomes in enumerate(by_action):
             for outcome in outcomes if len(outcomes) > 1 else ():
@@ -125,7 +124,6 @@ def _fewer_outcomes(task: FrozenTask) -> Iterator[FrozenTask]:
 
 
 def _equal_actions(task: FrozenTask) -> Iterator[FrozenTask]:
-    """Yield the task with a state in which no action matters."""
     for s, by_action in enumerate(task.outcomes):
         for chosen in dict.fromkeys(by_action):
             rows = list(task.outcomes)
@@ -134,7 +132,6 @@ def _equal_actions(task: FrozenTask) -> Iterator[FrozenTask]:
 
 
 def _plainer(task: FrozenTask) -> Iterator[FrozenTask]:
-    """Yield the task with one reward that is 0 or of size 1, or one step that does not end."""
     for s, by_action in enumerate(task.outcomes):
         for a, outcomes in enumerate(by_action):
             for value in (0.0, 1.0, -1.0):

@@ -98,7 +98,6 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
 
 
 def _reasons(results: Results) -> dict[str, str]:
-    """Return why returns are not known, once all have been worked out."""
     found = {}
     if results.why_not is not None:
         found["returns"] = results.why_not
@@ -201,7 +200,6 @@ def write_parquet(rows: Sequence[Measured], path: Path) -> None:
 
 
 def _of_one_type(values: Sequence[Any]) -> list[Any]:
-    """Return values of a column as texts, where they are of several types."""
     kinds = {
         bool if isinstance(v, bool) else float if isinstance(v, int | float) else str for v in values if v is not None
     }

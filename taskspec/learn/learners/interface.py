@@ -200,7 +200,6 @@ class NetPolicy:
         return forward(self.layers, self.seen(seen).astype(np.float64), "tanh")
 
     def _groups(self, seen: Array) -> list[Array]:
-        """Return the probabilities of each component's values."""
         ends = np.cumsum(self.actions.counts)[:-1]
         logits = np.split(self._output(seen), ends, axis=1)
         powers = [np.exp(each - each.max(axis=1, keepdims=True)) for each in logits]

@@ -51,7 +51,6 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
 
 
 def _named_in(document: Document) -> Learner:
-    """Return the table's entry that a file names."""
     data = document.data
     if not isinstance(data, dict) or "learner" not in data:
         raise SpecError([Diagnostic("E203", document.span(()), "a learner's file says which one: `learner: bc`")])

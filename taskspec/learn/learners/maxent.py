@@ -35,7 +35,6 @@ class StateReward:
     first: int
 
     def __call__(self, observations: Any, actions: Any, next_observations: Any) -> Array:
-        """Return rewards, float64 (N,), of next observations (N,)."""
         reward: Array = self.values[np.asarray(next_observations) - self.first]
         return reward
 
@@ -97,7 +96,6 @@ def _train(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
 
 
 def _observations(mdp: Tabular, task: Task) -> Array:
-    """Return the observation of each state, int64 (S,), as a number from 0."""
     layout = task.observation_layout
     if layout.form != "discrete":
         raise CannotLearn(f"observations of {task.id} are not one number", "take another learner")
@@ -122,7 +120,6 @@ def visits(mdp: Tabular, shown: Demonstrations, absorb: bool) -> Array:
 
 
 def _absorbed(mdp: Tabular, ends: Array) -> Array:
-    """Return the absorbing states with these observations."""
     places = np.flatnonzero(mdp.absorbed)
     candidates = np.asarray(mdp.observations)[places]
     same = (ends.reshape(len(ends), 1, -1) == candidates.reshape(1, len(places), -1)).all(axis=2)
@@ -180,7 +177,6 @@ def soft_policy(mdp: Tabular, reward: Array, config: Matching) -> Array:
     pi = []
 
     def choose(t: int, q: Array) -> Array:
-        """Return V (K, S) from Q (K, A, S)."""
         if mdp.model.legal is not None:
             q = np.where(mdp.model.legal, q, -np.inf)
         largest = q.max(axis=1, keepdims=True)
@@ -208,7 +204,6 @@ def expected_visits(mdp: Tabular, pi: Array) -> Array:
 
 
 def _rows(mdp: Tabular) -> Array:
-    """Return P as float64 (A * S, S)."""
     return mdp.P.transpose(1, 0, 2).reshape(-1, mdp.n_states)
 
 

@@ -109,7 +109,6 @@ class Gymnax:
 
 
 def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
-    """Return an observation whose finite scalars count from 0."""
     match layout.form:
         case "discrete":
             return seen - layout.starts[0]
@@ -245,7 +244,6 @@ def _params(opened: OpenParameters) -> Any:
 
 
 def _refused(name: str, opened: OpenParameters) -> Diagnostic:
-    """Return why something cannot be replaced."""
     if name == "max_steps_in_episode":
         return Diagnostic("E713", None, f"{name} is the horizon of the task", "for another horizon, load another task")
     if name not in opened.bound:
@@ -259,7 +257,6 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
 
 
 def _known(value: Any) -> AnyArray | None:
-    """Return a value as an array, with all lanes of what is mapped over by `vmap`."""
     if not isinstance(value, jax.core.Tracer):
         return np.asarray(value)
     seen: list[Any] = []
@@ -353,7 +350,6 @@ class Functional:
         return seen, _single(after), result.reward[0], done, self._info(after, result, params)
 
     def _info(self, state: State, result: StepResult, params: Any) -> dict[str, Any]:
-        """Return the info of a step that leads to a state (lanes last)."""
         info: dict[str, Any] = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
         if result.measures:
             names = self.task.process.measures

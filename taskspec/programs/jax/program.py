@@ -50,7 +50,6 @@ def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
 
 
 def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
-    """Return the rows of a segment, (size, N)."""
     flat = value.reshape(-1, value.shape[-1])
     if segment.values is not None:
         return flat[segment.element][None].astype(jnp.int32) == jnp.array(segment.values)[:, None]
@@ -280,7 +279,6 @@ def _array(node: Const) -> Any:
 def _emit(
     task: Task, roots: Sequence[Node], words: WordLayout, constants: dict[str, Any]
 ) -> tuple[list[str], list[str]]:
-    """Return statements for the roots of a phase, and the source of each root."""
     b = Builder.of(roots)
     lowered = folded(b, compared(b, roots, library.BIAS))
     names = {TIME: "t"}
@@ -307,7 +305,6 @@ class JaxForm(ArrayForm):
 
 
 def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:
-    """Return a draw as a function of its arguments and its words."""
     name = f"C{len(constants)}"
     form = VARIATES[draw.base].many
     assert form is not None, draw.base

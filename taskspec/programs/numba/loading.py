@@ -68,7 +68,6 @@ def _check_compile_time(source: str) -> None:
 
 
 def _cache_key(source: str) -> str:
-    """Return a hash of everything that machine code depends on."""
     folder = Path(__file__).parent
     runtime = (folder / "runtime.py").read_text(encoding="utf-8")
     draws = (folder / "kernel_draws.py").read_text(encoding="utf-8")
@@ -215,7 +214,6 @@ def _linked(code: bytes) -> LoadedKernel:
 
 
 def _target_machine() -> llvm.TargetMachine:
-    """Return this machine as a target. An engine made with it becomes its owner."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features().flatten()

@@ -179,7 +179,6 @@ def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tu
 
 
 def _observed(loop: Loop) -> dict[str, str]:
-    """Return what is stored in each row of the observations, by number of the part and of the row."""
     layout = loop.program.observation
     values = loop.values[len(loop.values) - len(layout.components) :]
     out: dict[str, str] = {}
@@ -199,7 +198,6 @@ def _observed(loop: Loop) -> dict[str, str]:
 
 
 def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
-    """Return the next value of every row of the state that changes."""
     stored: dict[MemoryRow, str] = {}
     for rows, value, c in zip(p.states, loop.values, p.task.state, strict=False):
         for row, atom in zip(rows, value.atoms or (), strict=True):
@@ -247,7 +245,6 @@ def _read_actions(p: Program) -> list[str]:
 
 
 def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[MemoryRow]]:
-    """Return statements that read the rows which the body names, and these rows."""
     lines = []
     rows = []
     used = set(re.findall(r"\b[A-Za-z_]\w*", body))
@@ -334,7 +331,6 @@ def _results(
 
 
 def _renamed(text: str) -> str:
-    """Return names of a loop's values, apart from those of another."""
     return re.sub(r"\bv(\d+)\b", r"again\1", text)
 
 
@@ -390,7 +386,6 @@ _COUNTERS = {
 
 
 def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
-    """Return statements that name the arrays of a block."""
     lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
@@ -427,13 +422,11 @@ def _kernel(
 
 
 def _actions(p: Program, lane: str) -> str:
-    """Return the actions from a lane on."""
     kind = {"i": "i64s", "f": "f32s", "d": "f64s"}[p.actions]
     return f"{kind}(data, {lane} * {len(action_rows(p))})"
 
 
 def _choose(p: Program) -> list[str]:
-    """Return the lanes of a block whose flag `chosen` is set."""
     return [
         f"chosen = flags({p.memory.at('chosen')}, first)",
         "late = gather(n, chosen, lanes)",
@@ -474,7 +467,6 @@ _UNDO = [
 
 
 def _keep(p: Program) -> list[str]:
-    """Return the last observations of the episodes that have ended."""
     lines = []
     for array in dict.fromkeys(r.array for r in p.seen.values()):
         rows = [r for r in p.seen.values() if r.array == array]
@@ -494,7 +486,6 @@ def _begin_again(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[st
 
 
 def _fill(p: Program, words: WordLayout, call: str, keys: str, n: str) -> list[str]:
-    """Return statements that work out the words of a phase, and the normals and exponentials made of them."""
     if not words.count:
         return []
     w = p.memory.at("words")

@@ -157,7 +157,6 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
 def _sinks(
     task: Task, layout: SpaceLayout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
 ) -> dict[int, Sink]:
-    """Return results that may be written where they belong, without a copy. Of several for one value the first is."""
     n = len(task.state)
     found: dict[int, Sink] = {}
     for c, name, root in zip(task.state, states, roots, strict=False):
@@ -178,7 +177,6 @@ def _copy(target: str, value: str) -> list[str]:
 
 
 def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
-    """Return statements that write each segment of the observation where it belongs."""
     lines: list[str] = []
     for segment, out in zip(layout.segments, outputs, strict=True):
         value = values[segment.component]
@@ -222,7 +220,6 @@ def never(terminal: Node) -> bool:
 
 
 def _ending(task: Task, terminal: Node) -> list[str]:
-    """Return the time, the other flags, and the number of episodes that ended."""
     lines = ["add(t, ONE, t)"]
     if task.horizon is not None:
         lines.append("greater_equal(t, HORIZON, truncated)")

@@ -94,7 +94,6 @@ def sees_state(task: Task, layout: SpaceLayout) -> bool:
 
 
 def _is_number(task: Task) -> bool:
-    """Return whether the state is one finite number."""
     (first, *others) = task.state
     return first.is_finite and first.type.is_scalar and not others
 
@@ -287,12 +286,10 @@ def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> t
 
 
 def _may_overflow(lane: LaneEmitter, node: Node) -> bool:
-    """Return whether a number may be finite, and infinite in float32, which NumPy warns of."""
     return max(map(abs, lane.certain(node))) > _LARGEST
 
 
 def _array(lane: LaneEmitter, node: Node, source: str) -> str:
-    """Return the source of an array of float32."""
     shape = node.type.shape
     if _may_overflow(lane, node):
         return f"singles({source}, {shape})"

@@ -77,7 +77,6 @@ def _lane(
     parts: Parts, phase: Phase | None, states: Sequence[str], actions: Sequence[LaneValue],
     constants: dict[str, Any],
 ) -> LaneEmitter:  # fmt: skip
-    """Return an emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
     task = parts.task
     names = {TIME: LaneValue(["t"])}
     for c, name in zip(task.state, states, strict=True):
@@ -94,7 +93,6 @@ def _lane(
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
-    """Return the statement that takes the next item of the phase's stream."""
     if phase.names:
         return [f"{', '.join(phase.names)} = {call}()"]
     return []
@@ -132,7 +130,6 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
 
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
-    """Return arrays turned into lists of Python numbers, where the body computes with their elements."""
     read = _names_in(others)
     used = _names_in([*body, *(source for name, source in kept if name in read)])
     return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
@@ -175,7 +172,6 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
 
 
 def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
-    """Return a result as a number, or as a name that keeps its value when the state moves on."""
     names = _NAMES.findall(source)
     if not names or (_ATOM.fullmatch(source) and (names[0] in own or _MADE.fullmatch(names[0]))):
         return source
@@ -200,7 +196,6 @@ def _seen(
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
-    """Return statements that keep `alive`, and the two flags of the result."""
     truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
     if terminal == "False" and truncated == "False":
         return [], "False, False"
@@ -222,7 +217,6 @@ def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
 
 
 def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Return statements that work out again, from a state that was set, what stays the same for an episode."""
     lane = _lane(parts, None, states, (), constants)
     nodes = parts.task.next_observation if parts.invariants.observation else ()
     lane.emit((*parts.invariants.nodes, *nodes))
@@ -237,7 +231,6 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
 
 
 def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> list[str]:
-    """Return functions that read the state and set it."""
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]

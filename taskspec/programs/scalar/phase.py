@@ -172,7 +172,6 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
 
 
 def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:
-    """Return new float32 observations, with the parts that depend on draws alone filled in."""
     rows = np.empty((count, phase.row_size), np.float32)
     with np.errstate(over="ignore"):
         for (offset, node), value in zip(phase.row_parts, values, strict=True):

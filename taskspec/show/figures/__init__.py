@@ -93,7 +93,6 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
 
 
 def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
-    """Return a scene with its key and lines of text below it."""
     drawn = keyed(drawn)
     words = []
     for i, line in enumerate(lines):

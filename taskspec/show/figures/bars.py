@@ -85,7 +85,6 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
 
 
 def _episode(task: Task, node: Expression, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
-    """Return the states of an episode between which the vector changes, with their times, and whose episode it is."""
     if overlay.here is not None:
         return [(0, dict(overlay.here))], ""
     found = [_changes(task, node, expert_path(task, LONGEST, seed)) for seed in range(SEEDS)]
@@ -103,7 +102,6 @@ def _changes(task: Task, node: Expression, path: list[dict[str, Any]]) -> list[t
 
 
 def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator[sc.Label]:
-    """Yield the sums of two parts with colours of their own, and how they compare."""
     first, second = ([i for i, color in enumerate(colors) if color == role] for role in ("accent", "second"))
     with np.errstate(over="ignore"):
         totals = (float(row[first].sum()), float(row[second].sum()))
@@ -122,7 +120,6 @@ def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator
 
 
 def _vector(task: Task) -> Expression | None:
-    """Return the vector or the matrix that is drawn."""
     values = figure_of(task).values
     nodes = [c.value for c in task.state] if values is None else [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)

@@ -91,7 +91,6 @@ def _ways_by_label(task: Task) -> list[Way] | None:
 
 
 def _probable_ways(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[int, Way]]:
-    """Yield where actions lead with a probability above one half, by code of the state."""
     codes, actions = np.array(pairs, np.int64).T
     weights: dict[tuple[int, Cell], float] = {}
     for outcomes in Steps(task).outcomes(codes, actions, 0):
@@ -192,7 +191,6 @@ class Board:
                 yield from self._thing(thing, middle[thing.cell], taken)
 
     def _letters(self, middle: Mapping[Cell, Point]) -> Iterator[Item]:
-        """Yield letters and thin walls where nothing else is written."""
         for cell, text in self.letters.items():
             if cell not in middle or cell in self.values or text == WALL:
                 continue
@@ -204,7 +202,6 @@ class Board:
                 yield Label(middle[cell], m.Words(text), LETTER, color="muted")
 
     def _ray(self, at: Point, way: Way, near: float, far: float) -> tuple[Point, Point]:
-        """Return a line from one distance of the middle of a cell to another, in sides of the cell."""
         x = self.cell * way[0]
         y = self.cell * way[1]
         return (at[0] + near * x, at[1] + near * y), (at[0] + far * x, at[1] + far * y)
@@ -253,12 +250,10 @@ class Board:
             yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, _certainty(weight))
 
     def _leaves(self, cell: Cell, way: Way) -> float:
-        """Return where an arrow leaves the number of a cell, in sides of the cell."""
         room = (text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05)
         return min(r / (self.cell * abs(d)) for r, d in zip(room, way, strict=True) if d)
 
     def _value(self, cell: Cell) -> m.Math:
-        """Return a number of at most five letters, which have room in a cell, or six."""
         value = self.values[cell]
         text = ""
         for form in (".3g", ".2g", ".1g") if abs(value) < 99.95 else (".0f", ".1e", ".0e"):

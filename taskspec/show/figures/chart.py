@@ -157,7 +157,6 @@ def _drawn(chart: Chart, kind: str, is_transparent: bool = False) -> bytes:
 
 
 def _described(text: str, alt: str) -> str:
-    """Return matplotlib's SVG with a description, and without what changes other drawings of a page."""
     text = text[text.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r"\s*<defs>\s*<style[^>]*>[^<]*</style>\s*</defs>", "", text, count=1)
@@ -267,7 +266,6 @@ def heat_map(axes: Any, cells: np.ndarray, has_numbers: bool) -> None:
 
 
 def _readable(background: tuple[float, ...]) -> str:
-    """Return black or nearly white (which no paper replaces), whichever has more contrast, as defined by WCAG 2."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in background[:3]]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
     if luminance < 0.1791:

@@ -74,7 +74,6 @@ def film(task: Task) -> str | None:
 
 
 def _episode(task: Task, who: str) -> Iterator[Step]:
-    """Yield the states of an episode, up to its end or the limit of steps."""
     policy = named(task, who)
     rollout = Rollout(policy.task, 1)
     rng = np.random.default_rng(0)
@@ -94,7 +93,6 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
 
 
 def _value(c: Component, value: Any) -> str:
-    """Return a label, a number, or the numbers of a vector."""
     flat = np.asarray(value).reshape(-1).tolist()
     if c.domain is not None:
         return ", ".join(c.domain.labels[int(x)].replace("_", " ") for x in flat)
@@ -126,7 +124,6 @@ def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
 
 
 def _merged(frames: Sequence[Sequence[Item]]) -> list[tuple[Item, frozenset[int]]]:
-    """Return the items of all frames from back to front, each with the numbers of the frames that it is in."""
     merged: list[tuple[Item, frozenset[int]]] = []
     for number_of_frame, items in enumerate(frames):
         own = frozenset({number_of_frame})

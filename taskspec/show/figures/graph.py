@@ -92,7 +92,6 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
 
 
 def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
-    """Yield who starts in a state, its reward and its value, which are written beside it."""
     if v in machine.starters:
         yield m.Words(machine.starters[v])
     reward = machine.rewards[1].get(v)
@@ -103,7 +102,6 @@ def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
 
 
 def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
-    """Return action and probability of an arrow, and its reward where states do not decide it."""
     parts: list[m.Math] = []
     if arc.rewards and machine.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
         each = zip(arc.actions, arc.rewards, strict=True)
@@ -137,7 +135,6 @@ class _Request:
 
 @lru_cache(maxsize=16)
 def _planned(request: _Request) -> Plan | None:
-    """Return the plan of a request, unless it has faults or crosses too often."""
     request = replace(request, drawing=ordered(request.drawing))
     spots = _spots(request)
     rank = {v: i for i, v in enumerate(spots)}

@@ -84,7 +84,6 @@ class _Grid:
         return np.stack(found, axis=1)
 
     def _things(self) -> Iterator[Thing]:
-        """Yield the objects of the figure section, and the nose of an agent with a direction."""
         places = {"": self.figure.at} | dict(self.figure.objects)
         for word, place in places.items():
             (numbers,) = self.numbers(place, self.reads).astype(float)
@@ -210,7 +209,6 @@ class _Grid:
         return columns, rows
 
     def _stay(self) -> bool:
-        """Return whether no step changes what is marked."""
         marked = self.figure.highlight.values()
         return not reads_time(marked) and components_read(marked) <= unchanged(self.task)
 

@@ -85,7 +85,6 @@ def _is_small(layers: list[list[Vertex]]) -> bool:
 
 
 def _arcs(machine: Machine) -> list[Arc]:
-    """Return arrows, those of several actions with one outcome merged, by source and action."""
     outcomes: dict[tuple[int, int], list[Transition]] = {}
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
@@ -112,7 +111,6 @@ def _arcs(machine: Machine) -> list[Arc]:
 
 
 def _merged(source: Vertex, target: Vertex, paid_by: Mapping[int, float | None]) -> Arc:
-    """Return the arrow of several actions, by which rewards are paid."""
     rewards = tuple(paid_by.values())
     if len(set(rewards)) == 1:
         return Arc(source, target, tuple(paid_by), None, rewards[0])
@@ -120,7 +118,6 @@ def _merged(source: Vertex, target: Vertex, paid_by: Mapping[int, float | None])
 
 
 def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
-    """Return vertices by their distance from the start, in the order in which they are found."""
     outgoing: dict[Vertex, list[Vertex]] = {}
     for arc in arcs:
         outgoing.setdefault(arc.source, []).append(arc.target)
@@ -193,7 +190,6 @@ class _Cost:
         d = b - a
 
         def side(p: np.ndarray) -> np.ndarray:
-            """Return on which side of each arrow (rows) points (columns) lie."""
             cross = d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0])
             return np.sign(np.round(cross, 9))
 

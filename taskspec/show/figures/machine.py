@@ -186,7 +186,6 @@ def _explored(task: Task) -> Machine | None:
 
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
-    """Return probabilities of first states by role, or under "" if roles differ in more than where episodes start."""
     own = steps.start_weights()
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
@@ -349,7 +348,6 @@ class _Matrix:
         yield sc.Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
-        """Return every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
         steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
         return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 

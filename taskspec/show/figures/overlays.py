@@ -90,7 +90,6 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
 
 
 def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield for each overlay its name, its scale if it has one, and its description."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
     lacks = ""
@@ -125,7 +124,6 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
 
 
 def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[int, ...]]:
-    """Return the actions of an expert at first, for anything that it may remember."""
     found: dict[int, set[int]] = {}
     for code, actions in _policy(whole, plan(0)).items():
         found.setdefault(_without_memory(model, whole, code), set()).update(actions)
@@ -133,7 +131,6 @@ def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[in
 
 
 def _visits(model: Model, whole: Model, plan: Plan) -> dict[int, float]:
-    """Return the expected visits to each state by code, summed over the expert's memory."""
     found: dict[int, float] = {}
     for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
         code = _without_memory(model, whole, code)
@@ -142,10 +139,8 @@ def _visits(model: Model, whole: Model, plan: Plan) -> dict[int, float]:
 
 
 def _without_memory(model: Model, whole: Model, code: int) -> int:
-    """Return the code of a state without what is remembered there, whose digits are the last ones."""
     return code // (whole.states.size // model.states.size)
 
 
 def _policy(model: Model, table: Array) -> dict[int, tuple[int, ...]]:
-    """Return actions (A, S) of positive probability, by code of the states in which some episode acts."""
     return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}

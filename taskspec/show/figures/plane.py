@@ -86,7 +86,6 @@ def _share(value: float, ends: tuple[float, float]) -> float:
 
 
 def _short_ends(ends: tuple[float, float]) -> Sequence[float]:
-    """Return the ends of an axis if they are short to write, else round numbers near them."""
     if max(len(f"{end:.6g}") for end in ends) <= SHORT:
         return ends
     ticks = _round_numbers(*ends)

@@ -145,7 +145,6 @@ def routed(
 
 
 def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np.ndarray, np.ndarray]:
-    """Return all options in one list, where those of each group are, and of each its group and its place there."""
     flat = [x for found in options for x in found]
     ends = [0, *accumulate(map(len, options))]
     groups = [range(a, b) for a, b in pairwise(ends)]
@@ -189,7 +188,6 @@ def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return how often the pieces of paths (pairs, points, 2) cross."""
     p = a[:, :-1, None]
     d = np.diff(a, axis=1)[:, :, None]
     q = b[:, None, :-1]
@@ -204,7 +202,6 @@ def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _runs_along(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return whether the middle of paths (pairs, points, 2) runs along others."""
     d = np.diff(other, axis=1)[:, None]
     to = one[:, 3 : PIECES - 2, None] - other[:, None, :-1]
     u = np.clip((to * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12), 0, 1)
@@ -213,7 +210,6 @@ def _runs_along(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> np.ndarray:
-    """Return how many vertices each path (n, points, 2) passes over, without its ends."""
     at = np.array([s.at for s in spots])
     core = np.array([s.core for s in spots])
     parts = np.arange(4)[:, None, None, None] / 4
@@ -286,7 +282,6 @@ def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, f
 
 
 def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    """Return which part of each line (columns) each label (rows) covers, by points along it."""
     coarse = np.array(list(map(sampled, lines))).reshape(-1, PIECES + 1, 2)
     paths = np.concatenate([coarse, (coarse[:, 1:] + coarse[:, :-1]) / 2], axis=1)
     off = np.abs(centre[:, None, None] - paths[None]) - half[:, None, None]

@@ -91,7 +91,6 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
 
 
 def _is_finite(found: Sequence[_Number]) -> bool:
-    """Return whether there are numbers, and all of them and their distances are finite."""
     return bool(found) and all(math.isfinite(max(x.values) - min(x.values)) for x in found)
 
 
@@ -148,7 +147,6 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
 
 
 def _is_followed(c: Component) -> bool:
-    """Return whether a component is a number or a short vector."""
     return c.domain is None and c.type.size <= MOST
 
 

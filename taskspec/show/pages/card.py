@@ -119,7 +119,6 @@ def markdown(card: dict[str, Any]) -> str:
 
 
 def _shown(each: dict[str, Any]) -> str:
-    """Return a value in words, with its interval where it is estimated."""
     if "minValue" in each:
         return f"{decimal(each['value'])} in [{decimal(each['minValue'])}, {decimal(each['maxValue'])}]"
     if each["propertyID"] == "return":

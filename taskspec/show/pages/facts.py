@@ -134,7 +134,6 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
 
 
 def _score(score: Return) -> Inlines:
-    """Return a return, and how sure it is."""
     if not score.episodes:
         return (Formula(number(score.value)),)
     if score.half == 0:

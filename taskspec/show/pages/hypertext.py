@@ -171,7 +171,6 @@ def formula(math: m.Math, display: bool = False) -> Markup:
 
 
 def _letters(math: m.Math) -> str:
-    """Return how many letters wide mathematics is, where small screens need smaller letters for it."""
     letters = m.width(math)
     return f' style="--letters: {letters:.0f}"' if letters > FITS else ""
 
@@ -186,7 +185,6 @@ def origin_of(content: p.Inlines) -> str:
 
 
 def _pieces(items: Iterable[m.Math]) -> list[m.Math]:
-    """Return items in rows, each from a sign to the next one."""
     out: list[list[m.Math]] = [[]]
     for item in items:
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:

@@ -124,7 +124,6 @@ def _space(
 def _components(
     w: Writing, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
 ) -> Iterator[Inlines]:
-    """Yield what each component is, and the values of its labels."""
     for c in components:
         name = [w.symbol(c.name)]
         if len(components) > 1:
@@ -137,7 +136,6 @@ def _components(
 
 
 def _labels(w: Writing, c: Component) -> Inlines:
-    """Return labels whose symbol or value says less than the word."""
     if c.domain is None or len(c.domain.labels) > _MANY or not (c.domain.symbols or c.domain.values):
         return ()
     items: list[Inlines] = []
@@ -280,7 +278,6 @@ def rewards(w: Writing) -> Iterator[Inlines]:
 
 
 def _of_step(w: Writing, left: m.Math, expr: s.Expr) -> Formula:
-    """Return what a step pays, as a function of what it depends on."""
     arguments = w.arguments(expr)
     if arguments:
         left = m.Row((left, m.brackets(m.joined(arguments))))

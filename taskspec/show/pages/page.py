@@ -49,7 +49,6 @@ class Page:
         return next((s for s in self.sections if s.key == key), None)
 
     def _repr_html_(self) -> str:
-        """Return the page for notebooks."""
         hypertext = need("taskspec.show.pages.hypertext", "docs", "a page in a notebook")
         found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
         return found
@@ -106,7 +105,6 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
-    """Return the sections, every line with its form at each setting if they are few, and the scores side by side."""
     shown = sections.all_sections(Writing(task, {}), facts, sections.results(_columns(task, facts, settings)))
     if settings and len(settings) < scores.MOST_COLUMNS:
         own_values = _concrete(task, facts)
@@ -121,7 +119,6 @@ def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Sett
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
-    """Return sections by key, with the values of the parameters in place of their names."""
     return {section.key: section for section in sections.all_sections(Writing(task, task.values), facts)}
 
 
@@ -216,12 +213,10 @@ def families(pages: Iterable[Page]) -> list[Family]:
 
 
 def _lines(sections: Iterable[Section]) -> int:
-    """Return the number of lines, scores apart."""
     return sum(len(section.lines) for section in sections if section.key != "scores")
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
-    """Return the sections that a page's base lacks or has with other content, parameters only at other values."""
     same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
     found = []
     for section in page.sections:

@@ -187,7 +187,6 @@ def is_safe(address: str) -> bool:
 
 
 def _merge(pieces: Iterator[Inline]) -> Inlines:
-    """Return neighbouring texts as one."""
     out: list[Inline] = []
     for piece in pieces:
         if isinstance(piece, Text) and out and isinstance(out[-1], Text):

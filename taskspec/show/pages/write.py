@@ -84,7 +84,6 @@ def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> lis
 
 
 def _known(formats: Iterable[str]) -> list[str]:
-    """Return the formats asked for, each once, or raise E726 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for unknown in (f for f in wanted if f not in FORMATS):
         raise spec_error("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")

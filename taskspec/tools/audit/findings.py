@@ -258,7 +258,6 @@ def hidden_reward(x: Evidence) -> AuditFinding | None:
 
 
 def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
-    """Return two states in which episodes act that look alike and have different values."""
     first: dict[Hashable, int] = {}
     assert x.table is not None
     for s in x.acting:

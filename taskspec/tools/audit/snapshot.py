@@ -76,7 +76,6 @@ def _is_leaf(value: Any) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a leaf such that equal numbers of different types look the same."""
     if isinstance(value, np.ndarray):
         if value.size <= 64:
             return [_plain(each) for each in value.ravel().tolist()]
@@ -89,7 +88,6 @@ def _plain(value: Any) -> Any:
 
 
 def _inside(value: Any) -> Iterator[tuple[Hashable, Any]]:
-    """Yield the parts of a container or an object, each with the step that leads to it."""
     match value:
         case np.ndarray():
             yield from (((i,), each) for i, each in enumerate(value.ravel().tolist()))

@@ -130,7 +130,6 @@ def own(path: Path) -> Path:
 
 
 def _made(names: Names, section: str) -> Scope | None:
-    """Return a scope that no expression of the text has asked for yet."""
     if section not in ("dynamics", "reward", "measures", "terminal", "observation", "expert", "absorbing", "noise",
                        "claims", "figure", "legal"):  # fmt: skip
         return None
@@ -159,7 +158,6 @@ def _name_of(node: object) -> str | None:
 
 
 def _on_lines(found: Diagnostic, repaired: frozenset[int]) -> bool:
-    """Return whether a mistake is about a line that was repaired, or follows from one that was left out."""
     if not repaired or found.span is None:
         return False
     return found.span.line in repaired or found.code in ("E203", "E210", "E217")

@@ -107,7 +107,6 @@ def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]:
-    """Yield the values that an entry may have."""
     found = schemas(path)
     for schema in found:
         for option in schema.get("enum", ()):
@@ -147,7 +146,6 @@ def _words(analysis: Analysis, path: Path) -> Iterable[str]:
 
 
 def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
-    """Yield the variables of comprehensions and the arguments of a definition in which an expression stands."""
     written: Any = analysis.sections
     for step in path:
         try:
@@ -161,7 +159,6 @@ def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
 
 
 def _is_expression(path: Path) -> bool:
-    """Return whether the value at a path is an expression or a part of one."""
     around = [schema for end in range(1, len(path) + 1) for schema in schemas(path[:end])]
     return any(schema.get("title") in _EXPRESSIONS for schema in around)
 

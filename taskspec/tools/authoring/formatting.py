@@ -67,7 +67,6 @@ def _bare(document: Document) -> str:
 
 
 def _spaces(document: Document) -> set[Fix]:
-    """Return the changes of spaces in the expressions and claims of a document."""
     name = document.origin.name
     attempts = analyse(document.origin.text, name).attempts
     texts = [expr.place.text for attempt in attempts for expr in attempt.merged.parsed.values()]
@@ -77,7 +76,6 @@ def _spaces(document: Document) -> set[Fix]:
 
 
 def _claims(value: Any, path: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the claims of a spec and its variants, each with its path."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _claims(inner, (*path, key))
@@ -107,7 +105,6 @@ def _spaces_of(text: s.SourceText, name: str) -> Iterator[Fix]:
 
 
 def _gaps(value: str) -> Iterator[Change]:
-    """Yield each place between two tokens of an expression, and what is to stand there."""
     around: list[str] = []
     is_operand = False  # what stands before can be the left side of an operator
     for before, token in pairwise(_TOKEN.finditer(value)):

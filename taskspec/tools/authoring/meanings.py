@@ -195,7 +195,6 @@ def _of_language(word: str) -> str | None:
 
 
 def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
-    """Return how a function, a distribution or a word of claims is called, and what it does."""
     bound = None if scope is None else scope.lookup(word)
     if isinstance(bound, FunctionDef):
         return bound.signature, printed(bound.body)

@@ -72,7 +72,6 @@ def _repair(
 
 
 def _candidates(line: str) -> Iterator[str]:
-    """Yield what a line may have been on the way to, the nearest first."""
     closers = "".join(_closers(line))
     if closers:
         yield line + closers
@@ -90,7 +89,6 @@ def _candidates(line: str) -> Iterator[str]:
 
 
 def _closers(line: str) -> list[str]:
-    """Return what closes the quotes and brackets that are open at the end of a line, the innermost first."""
     closers: list[str] = []
     quote = ""
     for at, char in enumerate(line):
@@ -118,7 +116,6 @@ def _read(lines: list[str], name: str) -> tuple[Document | None, tuple[Diagnosti
 
 
 def _line_of(problems: tuple[Diagnostic, ...], count: int) -> int | None:
-    """Return the line of the first mistake that has a place."""
     for problem in problems:
         if problem.span is not None:
             return min(problem.span.line, count)

@@ -41,7 +41,6 @@ class LastCheck:
 
 
 def _alike(old: list[str], new: list[str]) -> int:
-    """Return how many lines two texts begin with alike."""
     pairs = zip(old, new, strict=False)
     return next((at for at, (one, other) in enumerate(pairs) if one != other), min(len(old), len(new)))
 
@@ -98,7 +97,6 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
 
 
 def _words(scores: Any) -> str:
-    """Return the returns of the usual policies in one line."""
     from taskspec.base.display import setting
 
     words = []

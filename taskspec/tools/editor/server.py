@@ -219,7 +219,6 @@ def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
 
 
 def _extending(ls: Server, path: Path) -> Iterator[tuple[Analysis, TextDocument]]:
-    """Yield the specs of a folder that extend one of them."""
     for place in sorted(path.parent.glob("*.yaml")):
         document = ls.workspace.get_text_document(place.as_uri())
         if place != path and "extends" in document.source:
@@ -342,7 +341,6 @@ def folds(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
 
 
 def _entries(data: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str | int, ...]]:
-    """Yield the paths of all entries of mappings and lists."""
     inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in inner:
         yield (*path, key)
@@ -382,7 +380,6 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
 
 
 def _range(span: Span, document: TextDocument) -> lsp.Range:
-    """Return a place in the units of the client, which count UTF-16 unless it says otherwise."""
     start = ServerTextPosition(span.line - 1, span.column - 1)
     end = ServerTextPosition(span.end_line - 1, span.end_column - 1)
     return document.range_to_client_units(ServerTextRange(start, end))

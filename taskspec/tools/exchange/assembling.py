@@ -143,14 +143,12 @@ def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: in
 
 
 def _pays_by_chance(outcomes: Sequence[Outcome]) -> bool:
-    """Return whether outcomes with the same next state and end have different rewards."""
     paid: dict[tuple[int, bool], Number] = {}
     likely = [o for o in outcomes if o.probability]
     return any(paid.setdefault((o.state, o.ends), o.reward) != o.reward for o in likely)
 
 
 def _normal(source: ForeignFile, place: str, probabilities: Sequence[Number]) -> list[Number]:
-    """Return probabilities that sum to 1."""
     if not all(0 <= p <= 1 for p in probabilities):
         source.wrong(f"{place} has a probability that is not between 0 and 1")
     total = sum(probabilities)

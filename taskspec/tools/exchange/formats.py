@@ -65,7 +65,6 @@ def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, F
 
 
 def _finite(task: Task) -> Task:
-    """Return the task, or the finite one that its spec gives in its place."""
     abstract = abstraction(task)
     if abstract is None:
         return task

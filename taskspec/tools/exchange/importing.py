@@ -88,7 +88,6 @@ def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
 
 
 def _width(task: FrozenTask) -> int | None:
-    """Return the columns of a grid, if every step leads to a neighbour in it, to a first state, or nowhere."""
     n = len(task.states)
     firsts = {s for s, p in enumerate(task.start) if p > 0}
     moves = set()

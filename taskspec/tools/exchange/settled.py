@@ -86,7 +86,6 @@ def _places(task: FrozenTask, starts: Sequence[int]) -> list[Place]:
 
 
 def _steps(task: FrozenTask, is_drawn: bool) -> int | None:
-    """Return the steps of an episode, the one that draws the first state included."""
     horizon = task.horizon
     if task.last is not None:
         horizon = task.last + 1
@@ -100,7 +99,6 @@ def _free(probability: Fraction, place: int) -> Outcome:
 
 
 def _drawn(task: FrozenTask, starts: Sequence[int], index: Mapping[Place, int]) -> Outcomes:
-    """Return the outcomes of the step that draws the first state."""
     shares = _shares([task.start[s] for s in starts])
     return tuple(_free(share, index[s, ACTING]) for s, share in zip(starts, shares, strict=True))
 
@@ -172,7 +170,6 @@ def unsettled(task: FrozenTask) -> FrozenTask:
 
 
 def _is_over(s: int, by_action: Sequence[Outcomes]) -> bool:
-    """Return whether nothing leaves a state, or pays in it."""
     return all(outcome.state == s and not outcome.reward for outcome in chain(*by_action))
 
 

@@ -166,7 +166,6 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fra
 
 
 def _ending_policy(ready: FrozenTask) -> Shares:
-    """Return a policy whose episodes end with certainty."""
     policy: Shares = [{} for _ in ready.states]
     ending = set(ready.labels[END])
     before = -1
@@ -182,7 +181,6 @@ def _ending_policy(ready: FrozenTask) -> Shares:
 
 
 def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., int]) -> dict[int, int]:
-    """Return the best action of each state in which it is better than the policy with the values V."""
     better = {}
     for s, by_action in enumerate(ready.outcomes):
         Q = {}

@@ -107,7 +107,6 @@ def write(task: FrozenTask) -> bytes:
 
 
 def _packed(files: Mapping[str, bytes]) -> bytes:
-    """Return a compressed tar file, the same one for the same content."""
     result = io.BytesIO()
     with gzip.GzipFile(fileobj=result, mode="wb", mtime=0) as zipped, tarfile.open(fileobj=zipped, mode="w") as tar:
         for name, content in files.items():
@@ -118,7 +117,6 @@ def _packed(files: Mapping[str, bytes]) -> bytes:
 
 
 def _ranges(counts: Iterable[int]) -> bytes:
-    """Return where ranges of some lengths begin, and where the last one ends."""
     return np.array([0, *accumulate(counts)], "<u8").tobytes()
 
 
@@ -193,7 +191,6 @@ class _Archive:
         ))  # fmt: skip
 
     def _fresh(self, name: str, row: Mapping[str, Any]) -> str:
-        """Return the name of an action, with a number if the state has such an action."""
         if name not in row:
             return name
         remark = "actions with the same name in one state: numbered"
@@ -202,7 +199,6 @@ class _Archive:
         return f"{name}_{len(row)}"
 
     def _array(self, name: str, kind: str, size: int) -> list[Any]:
-        """Return the numbers of a file, as many as there should be."""
         numbers = np.frombuffer(self.files.pop(name), kind)
         if len(numbers) != size:
             self.source.wrong(f"`{name}` has {len(numbers):,} numbers, not {size:,}")
@@ -253,7 +249,6 @@ class _Archive:
         return frozenset(np.flatnonzero(marks[:size]).tolist())
 
     def _start(self) -> dict[int, Fraction]:
-        """Return the distribution of first states, which is uniform if there are several."""
         first = self._flags(INITIAL)
         declared = self.system["#initial-states"]
         if not first or declared != len(first):
@@ -263,7 +258,6 @@ class _Archive:
         return {s: Fraction(1, len(first)) for s in first}
 
     def _labels(self) -> dict[str, frozenset[int]]:
-        """Return the labels that mean something in a settled task."""
         labels = {}
         for identifier, entry in self.annotations.get("aps", {}).items():
             name = entry.get("alias", identifier)
@@ -272,7 +266,6 @@ class _Archive:
         return labels
 
     def _rewards(self) -> dict[str, list[Number]]:
-        """Return the rewards of states, choices and branches, of the first reward."""
         rewards = self.annotations.get("rewards", {})
         if not rewards:
             labels = listed(list(self.annotations.get("aps", {}))) or "none"
@@ -298,7 +291,6 @@ class _Archive:
         return seen
 
     def _actions(self) -> list[str]:
-        """Return the name of the action of each choice."""
         used = [0] * self.sizes["choices"]
         if f"{ACTIONS}values.bin" in self.files:
             used = self._array(f"{ACTIONS}values.bin", "<u4", self.sizes["choices"])
@@ -310,7 +302,6 @@ class _Archive:
         return [names[i] for i in used]
 
     def _values(self) -> tuple[dict[str, int], ...]:
-        """Return the values of the variables of states, where all of them are ints or truth values in one class."""
         classes = self.index.get("valuations", {}).get("states", {}).get("classes", [])
         if len(classes) != 1:
             return ()
@@ -335,7 +326,6 @@ class _Archive:
 
 
 def _part(name: str) -> str:
-    """Return the part of the model that a file has, in words."""
     folders = name.split("/")[:-1]
     if not folders:
         return name

@@ -70,7 +70,6 @@ def _of_task(task: Task) -> Iterator[str]:
 
 
 def _of_results(results: Results) -> Iterator[str]:
-    """Yield the returns, and the best values and actions on the figure."""
     rows = []
     for name in RETURNS:
         found = getattr(results, name)

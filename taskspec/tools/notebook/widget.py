@@ -41,7 +41,6 @@ class Explorer(anywidget.AnyWidget):
         return f"<Explorer of {self.results.task.instance_id}>"
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """Return the widget, and its figure for pages that run no widgets."""
         found = super()._repr_mimebundle_(**options)
         if found is None:
             return None

@@ -173,7 +173,6 @@ def results_of(task: Task) -> Results:
 
 
 def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
-    """Yield the scores with their text, their mathematics, and the fraction that they are."""
     writer = HtmlWriter({})
     for label, *value in lines(task, facts):
         name = label.text.strip()  # type: ignore[union-attr]

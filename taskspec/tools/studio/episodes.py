@@ -125,7 +125,6 @@ def _evaluated(model: Model, plan: Plan, first: int) -> tuple[Array, Array]:
 
 
 def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int, layers: Sequence[str]) -> Overlay:
-    """Return values, the likeliest actions and visits as a figure shows them."""
     likeliest = greedy(pi.T) > 0
     most = float(visits.max()) or 1.0
     found: dict[str, dict[int, Any]] = {"values": {}, "policy": {}, "occupancy": {}}
@@ -270,7 +269,6 @@ def _frame(task: Task, state: Mapping[str, Any], seen: Mapping[int, Mapping[str,
 
 
 def _words(value: Any) -> str:
-    """Return a value, a state or an observation in words."""
     if isinstance(value, dict):
         return ", ".join(f"{name} = {_words(part)}" for name, part in value.items())
     if isinstance(value, np.ndarray):

@@ -99,7 +99,6 @@ class Answerer:
             self._process.kill()
 
     def _started(self) -> Connection:
-        """Return the connection to the process, which is started if there is none."""
         if self._connection is None:
             ours: Connection
             ours, theirs = self._context.Pipe()

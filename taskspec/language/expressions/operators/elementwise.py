@@ -253,8 +253,6 @@ ROUNDING = (
 
 
 def _total(function: Callable[[float], float]) -> Callable[[float], float]:
-    """Return the function with nan where it is not defined."""
-
     def total(x: Any) -> float:
         try:
             return function(x)

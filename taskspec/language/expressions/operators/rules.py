@@ -274,7 +274,6 @@ def to_int(function: Callable[[float], int]) -> Bounds:
 
 
 def _sum_of(value: float, n: int) -> float:
-    """Return a number added n times, from left to right."""
     if isinstance(value, int) or n == 0:
         return _mul(value, n)
     with np.errstate(over="ignore"):

@@ -245,7 +245,6 @@ def _extreme(two: str, many: str) -> Build:
 
 
 def _of_several(axes: Sequence[int]) -> int:
-    """Return no axis for one vector, and the most axes of several arguments, which are compared elementwise."""
     if len(axes) == 1:
         return 0
     return max(axes)
@@ -259,7 +258,6 @@ def _whole_vector(
     name: str, latex: str, doc: str, examples: tuple[tuple[Any, ...], ...], scalar: Scalar | None = None,
     axes: Axes = no_axes, brackets: Brackets = ENCLOSED, **fields: Any,
 ) -> Operator:  # fmt: skip
-    """Return an operator on all elements of a vector together, and the function of that name."""
     fields.setdefault("samples", VECTORS)
     return Operator(
         name=name, elementwise=False, scalar=scalar or Scalar(name + "({0})", names={name: fields["reference"]}),
@@ -403,7 +401,6 @@ def _put(b: NodeMaker, args: list[Node]) -> Node:
 
 
 def _put_element(b: NodeMaker, x: Node, index: Node, value: Node) -> Node:
-    """Return one element of a matrix replaced, at an index for each axis."""
     number: Node = b.scalar(0)
     for k, length in enumerate(x.type.shape):
         i = b.position(b.cast(_need_index("put", b.structure("element", [index], (k,))), Kind.INT), length)

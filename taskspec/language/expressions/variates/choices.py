@@ -81,7 +81,6 @@ def row_table(p: Node) -> tuple[Const, Node] | None:
 
 
 def _table_rows(table: Const) -> list[tuple[Any, ...]]:
-    """Return the rows of a table of probabilities, in the exact numbers they were written with."""
     k = table.type.shape[-1]
     return [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
 
@@ -118,7 +117,6 @@ def _limits(p: Const) -> AnyArray:
 
 @lru_cache(maxsize=1024)
 def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[AnyArray, AnyArray]:
-    """Return the `threshold_table` of a row of a table of probabilities, by the floats that were looked up."""
     return draws.threshold_table([_exact_rows(table)[row]])
 
 
@@ -139,7 +137,6 @@ def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) 
 
 
 def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
-    """Return how many of the limits are at most the word."""
     total: Node = b.scalar(0)
     for limit in limits:
         total = b.apply("add", total, b.cast(b.apply("le", limit, word), Kind.INT))
@@ -167,7 +164,6 @@ def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:
 
 
 def _in_lane(lane: entry.LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
-    """Return words against the thresholds of the present row, or against weights known only now."""
     looked_up = row_table(draw.args[0])
     if looked_up is None:
         return [f"weighted_categorical({word}, {lane.packed(draw.args[0])})" for word in words]

@@ -66,7 +66,6 @@ def _poisson_words(draw: Draw) -> int:
 
 
 def _poisson_passes(draw: Draw) -> int:
-    """Return for how many counts a word is searched where the rate is known only at run time."""
     bound = poisson_bound(draw)
     if bound is None:
         return 1
@@ -151,7 +150,6 @@ def _total(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmeti
 
 
 def _arrangement(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
-    """Return the outcomes of the observed positions of a permutation, merged by equivalence."""
     alike, places = (a[:, 0] for a in args)
     kinds, counts = np.unique(alike, return_counts=True)
     left = counts[None, :]
@@ -178,14 +176,12 @@ def _arrangements(draw: Draw, bounds: entry.Bounds) -> float:
 
 
 def _most(draw: Draw) -> int:
-    """Return the count from which on those of a capped draw are one outcome."""
     most = draw.args[-1]
     assert isinstance(most, Const)
     return int(most.value)
 
 
 def _capped(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
-    """Return counts up to a last one, which has the probability of all from there on."""
     most = _most(draw)
     terms = poisson_terms(draw.args[-2])
     found = []

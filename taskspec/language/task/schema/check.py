@@ -142,7 +142,6 @@ def without(data: Any, places: Iterable[Path]) -> tuple[Any, set[str]]:
 
 
 def _other_format(document: Document) -> str | None:
-    """Return the key by which a document says that it is something else than a spec."""
     if not isinstance(document.data, dict) or "taskspec" in document.data:
         return None
     return next((key for key in OTHER_FORMATS if key in document.data), None)
@@ -316,7 +315,6 @@ def _roles(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _strays(merged: Merged) -> Iterator[Problem]:
-    """Yield entries that a variant changes or removes, where there is nothing of the name."""
     for path in merged.strays:
         section = str(path[0])
         name = str(path[1])

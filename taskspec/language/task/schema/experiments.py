@@ -28,7 +28,6 @@ LENGTHS = {"range": (2, 3), "logrange": (3, 3), "uniform": (2, 2), "loguniform":
 
 
 def _values(value: Any) -> Iterator[Problem]:
-    """Yield a value, a list of values, or numbers with a rule."""
     match value:
         case dict():
             yield from _span(value)
@@ -70,7 +69,6 @@ def _list(value: Any) -> Iterator[Problem]:
 
 
 def _modifier(value: Any) -> Iterator[Problem]:
-    """Yield a name, or a name with its arguments."""
     if isinstance(value, str) or (isinstance(value, dict) and len(value) == 1):
         return
     yield wrong_kind("one modifier, such as `sticky: 0.25`", value)
@@ -127,7 +125,6 @@ class TaskEntry(Strict):
 
 
 def _together(entry: TaskEntry) -> Iterator[Problem]:
-    """Yield what values may not be beside each other."""
     lengths = {name: len(each) for name, each in entry.zip.items()}
     for name, length in lengths.items():
         if name in entry.parameters:

@@ -271,7 +271,6 @@ class Sections(Strict):
 
 
 def _partial_type(annotation: Any) -> Any:
-    """Return the same type with nothing required inside, and `null` allowed to remove entries."""
     if isinstance(annotation, type) and issubclass(annotation, Parameters):
         return PartialParameters
     if annotation is ComponentEntry:
@@ -285,7 +284,6 @@ def _partial_type(annotation: Any) -> Any:
 
 
 def _partial(model: type[Strict], name: str, **more: Any) -> type[Strict]:
-    """Return a model with the keys of another, none of them required."""
     fields: dict[str, Any] = {}
     for key, field in model.model_fields.items():
         annotation = _partial_type(field.annotation)

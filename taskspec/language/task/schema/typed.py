@@ -49,8 +49,6 @@ def fail(problems: list[Problem]) -> None:
 
 
 def _checked(check: Callable[[Any], Iterator[Problem]]) -> Callable[[Any], Any]:
-    """Return a validator that leaves a value as it is, or reports what a check finds."""
-
     def validate(value: Any) -> Any:
         fail(list(check(value)))
         return value
@@ -158,7 +156,6 @@ DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": 
 
 
 def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
-    """Return what follows from an entry's type, for the JSON Schema."""
     return {
         "allOf": [
             {"if": {"required": ["type"], "properties": {"type": {"const": kind}}}, "then": then(kind)}

@@ -264,7 +264,6 @@ def labels(value: Any) -> Iterator[Problem]:
 
 
 def _truth_label(label: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
-    """Yield the problem of a label that is a truth value in every expression."""
     if label in ("true", "false", "True", "False"):
         hint = "what is either true or false has `type: bool`"
         yield Problem("E205", path, f"`{label}` is a word of the language", hint, of_key=True)

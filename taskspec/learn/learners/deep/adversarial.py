@@ -154,7 +154,6 @@ class AdversarialRound:
         return AdversarialState(learning, nets, optimiser, recent, count)
 
     def _drawing(self, own: RewardInputs, valid: AnyArray, count: AnyArray, shown: RewardInputs) -> Any:
-        """Return a function from a key to equally many steps of the learner and of the expert."""
         size = self.config.batch or self.each
         weight = valid.reshape(-1)
 

@@ -168,7 +168,6 @@ class PreferenceRound:
         return PreferenceState(PolicyState(policy, walk), nets, optimiser, kept, count, novel)
 
     def _fit(self, survey: PreferenceState, pairs: Pairs, count: AnyArray, key: AnyArray) -> tuple[RewardNets, Any]:
-        """Return the reward after the gradient steps of a round."""
         config = self.config
         known = jnp.minimum(count, config.kept) if config.kept else self.pairs
 

@@ -80,7 +80,6 @@ class RewardModel:
         return RewardNets(theta, phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 
     def __call__(self, nets: RewardNets, at: RewardInputs) -> AnyArray:
-        """Return the rewards f (...) of steps (..., D)."""
         state = self._state(nets, at.seen, at.gone)
         if self.config.inputs == "state":
             inputs = state

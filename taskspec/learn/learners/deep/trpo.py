@@ -110,7 +110,6 @@ class TrpoUpdate:
         return whole(start + jnp.where(k < config.halvings, config.shrink**k, 0.0) * full)  # type: ignore[no-any-return]
 
     def _fit(self, held: ActorCritic, rows: AnyArray, targets: AnyArray, key: AnyArray) -> tuple[Any, Any]:
-        """Return the critic after some epochs of regression on its targets."""
         config = self.config
         size = len(targets)
         each = min(config.critic_batch, size)
