@@ -12,30 +12,36 @@ import typer
 from typer import Option
 
 from taskspec.base import __version__
-from taskspec.cli import overview, scaffold, scoring
-from taskspec.cli import run as running
+from taskspec.cli import scaffold, scoring
 from taskspec.cli.audit import audit
 from taskspec.cli.build import build
+from taskspec.cli.card import card
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
-from taskspec.cli.docs import card, docs, figure
+from taskspec.cli.docs import docs
 from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_
+from taskspec.cli.explain import explain
+from taskspec.cli.figure import figure
 from taskspec.cli.fmt import fmt
 from taskspec.cli.help import Command, Commands
+from taskspec.cli.list import list_
 from taskspec.cli.options import flowed
+from taskspec.cli.play import play
 from taskspec.cli.report import report
+from taskspec.cli.run import run
 from taskspec.cli.separate import freeze, separate
+from taskspec.cli.show import show
 from taskspec.cli.sweep import sweep
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Read tasks": (overview.list_, overview.show, overview.explain),
+    "Read tasks": (list_, show, explain),
     "Write tasks": (
         scaffold.new, check, fmt, diff, build, freeze, import_, scaffold.schema, scaffold.lsp, scaffold.studio,
     ),
     "Run and score tasks": (
-        running.run, running.play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,
+        run, play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,
     ),
     "Print tasks": (export, docs, card, figure),
 }  # fmt: skip

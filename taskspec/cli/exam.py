@@ -49,8 +49,9 @@ def exam(
     """
     from taskspec.exam import Running
     from taskspec.learn.exam.card_text import print_exams
-    from taskspec.learn.experiments.exams import examine_all, examine_learners, tasks_named
+    from taskspec.learn.experiments.exams import examine_all, examine_learners
     from taskspec.learn.experiments.experiment_file import read_if_experiment
+    from taskspec.learn.experiments.named_tasks import tasks_named
 
     running = Running(jobs, cluster, time_limit, retry)
     numbers = {

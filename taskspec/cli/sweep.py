@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument
 
-from taskspec.base.columns import Columns
-from taskspec.base.display import decimal, estimate
-from taskspec.base.files import near, safe_name
-from taskspec.base.terminal import VisibleText, console, line
+from taskspec.base.files import safe_name
+from taskspec.base.terminal import console, line
 from taskspec.cli import options
-from taskspec.cli.console import say, write_json
+from taskspec.cli.console import say_written, write_json
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
-    from taskspec.experiments import Measured
+    pass
 
 PICTURES = ("svg", "png", "pdf")
 FORMATS = ("json", "csv", "parquet", *PICTURES)
-MEASURES = ("solution_length", "best_at_random")
-"""Measures in the table on the terminal, where the experiment names none; files have all."""
 ExperimentName = Annotated[
     str,
     Argument(
@@ -64,6 +59,7 @@ def sweep(
     from taskspec.base.jobs.running import Running
     from taskspec.language.targets import settings
     from taskspec.learn.experiments import picture
+    from taskspec.learn.experiments.sweep_text import measured_table
     from taskspec.learn.experiments.sweeping import WRITERS
     from taskspec.show.figures import chart
 
@@ -86,45 +82,9 @@ def sweep(
     else:
         out = console(wide=True)
         out.print(line((swept.experiment.title or swept.experiment.name, "title")))
-        out.print(_table(swept.rows, swept.experiment.measures))
+        out.print(measured_table(swept.rows, swept.experiment.measures))
         for row in swept.failed:
             out.print(line((row.instance.id, "name"), f": {row.error}"), style="bad")
-        for path in files:
-            say(f"wrote {near(path)}")
+        say_written(files)
     if swept.failed:
         raise typer.Exit(1)
-
-
-def _table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Columns:
-    """Return a row for each instance: sizes, returns, measures, roll-outs."""
-    if measures is None:
-        measures = MEASURES
-    chosen = [name for name in measures if name not in ("states", "actions")]
-    policies = dict.fromkeys(name for row in rows for name in row.policies)
-    headers = [name.replace("_", " ") for name in chosen] + [f"{name}, rolled out" for name in policies]
-    numbers = range(1, 5 + len(headers))
-    table = Columns("", "states", "optimal", "expert", "random", *headers, styles=("name",), right=numbers, names=0)
-    for row in rows:
-        if row.error is not None:
-            table.add_row(row.instance.id, VisibleText(row.status.replace("_", " "), style="bad"))
-            continue
-        values = row.values
-        cells = [f"{values['states']:,}" if values.get("states") is not None else ""]
-        cells += [_number(values.get(name), values.get(f"{name}_half")) for name in ("optimal", "expert", "random")]
-        cells += [_number(values.get(name)) for name in chosen]
-        for name in policies:
-            means = row.policies.get(name, {})
-            cells.append(_number(means.get("mean"), means.get("half")))
-        table.add_row(row.instance.id, *cells)
-    return table
-
-
-def _number(value: Any, half: Any = None) -> str:
-    if not isinstance(value, int | float):
-        if value is None:
-            return ""
-        return str(value)
-    if not half or half <= 1e-9 * abs(value):
-        return decimal(value, 6)
-    mean, width = estimate(value, half)
-    return f"{mean} ± {width}"

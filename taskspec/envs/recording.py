@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,8 +11,11 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.base.files import Unfinished, refused
 from taskspec.base.limits import tell
+from taskspec.envs.rollouts import Watch
 from taskspec.envs.window import Frames
 
+GIF_FRAMES = 500
+"""A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
 HOLD = 1.0
 """Seconds for which a film shows the last state of an episode."""
 
@@ -25,7 +29,8 @@ class Film:
         episodes: the number of episodes, for progress.
 
     Raises:
-        SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be written.
+        SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be
+            written; E713 for a GIF that is too long.
     """
 
     def __init__(self, path: Path, kind: Literal["gif", "mp4"], episodes: int) -> None:
@@ -63,6 +68,9 @@ class Film:
             with refused(self._path):
                 writer.append_data(picture)
             self.frames += 1
+        if self._kind == "gif" and self.frames > GIF_FRAMES:
+            hint = "make an MP4, or cut the episode with --max-steps"
+            raise spec_error("E713", f"a GIF holds {GIF_FRAMES} steps at most", hint)
 
     def _open(self, fps: float) -> Any:
         options: dict[str, Any] = {"fps": fps}
@@ -95,3 +103,28 @@ class Film:
             frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
         if frames != self.frames:
             raise OSError(f"ffmpeg wrote {frames} of {self.frames} frames")
+
+
+@contextmanager
+def watching(kind: str | None, path: Path, episodes: int, show: Callable[[str], None]) -> Iterator[Watch | None]:
+    """Yield a function that shows every state of an environment; None where nothing is to be shown.
+
+    Args:
+        kind: `ansi` for text, `gif` or `mp4` for a film.
+        path: of the film.
+        episodes: the number of episodes, for progress.
+        show: gets the text of each state.
+    """
+
+    def show_text(env: Any, note: str, last: bool) -> None:
+        remark = f"\n  {note}" if note else ""
+        show(f"{env.render()}{remark}\n")
+
+    match kind:
+        case "ansi":
+            yield show_text
+        case "gif" | "mp4":
+            with Film(path, kind, episodes) as film:
+                yield film
+        case _:
+            yield None

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.base.arrays import Array, map_parts
+from taskspec.base.limits import tell
 from taskspec.exact.policies.adapters import ObservationPolicy, policy_of
 from taskspec.exact.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
 from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
 from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
-from taskspec.language.task.parts import Component
+from taskspec.language.task.parts import Component, RenderMode
 from taskspec.language.task.record import domain_words, space_words
 from taskspec.language.task.spaces import pack, unpack
 from taskspec.language.task.task import Task, recall
@@ -121,6 +122,35 @@ class Episode:
     plain: float
     length: int
     ending: str
+
+
+def episodes_of(
+    task: Task, policy: str, seed: int, count: int, max_steps: int, render_mode: RenderMode | None = None,
+    watch: Watch | None = None,
+) -> list[Episode]:  # fmt: skip
+    """Return episodes of a policy in a new environment.
+
+    Args:
+        task: the task.
+        policy: as `policy_for` takes it.
+        seed: of the episodes.
+        count: of episodes.
+        max_steps: after which an episode is cut.
+        render_mode: of the environment.
+        watch: looks at every state; without it, progress is printed.
+    """
+    from taskspec.envs import Environment
+
+    env = Environment(task, render_mode=render_mode)
+    done = []
+    try:
+        for episode in rollouts(env, policy_for(policy, env, seed), seed, count, max_steps, watch):
+            done.append(episode)
+            if watch is None and render_mode is None:
+                tell(f"episodes {len(done)}/{count}", len(done) / count)
+    finally:
+        env.close()
+    return done
 
 
 def rollouts(

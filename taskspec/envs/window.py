@@ -43,6 +43,15 @@ def require() -> None:
     need("matplotlib", "figures")
 
 
+def has_display() -> bool:
+    """Return whether matplotlib found a display for windows.
+
+    Raises:
+        SpecError: E705 without matplotlib.
+    """
+    return bool(need("matplotlib", "figures").get_backend().lower() != "agg")
+
+
 def labels(c: Component, value: Any) -> Any:
     """Return a component's value for people: labels for choices, bools for conditions."""
     if c.domain is not None and c.type.is_scalar:

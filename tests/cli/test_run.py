@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from tests.shared.specs import varied_files
 
 ROOT = Path(__file__).parents[2]
 DERAIL, SPECS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs"
+
+WRITE = import_module("taskspec.show.pages.write")  # its name in the package is the function
 
 Done = partial(commands.Done, columns=100)
 
@@ -237,7 +240,8 @@ def test_a_task_whose_scores_fail_keeps_nobody_waiting(
             raise SpecError([Diagnostic("E712", None, "no more")])
         return gather(given)
 
-    monkeypatch.setattr(facts, "gather", failing)
+    for module in (facts, WRITE):
+        monkeypatch.setattr(module, "gather", failing)
     done = Done(*command, "derail/RiskyPath", "derail/Sort", "-o", tmp_path)
     assert done.status == 1
     assert "E712" in done.err
@@ -250,7 +254,13 @@ def test_a_task_whose_scores_fail_keeps_nobody_waiting(
 def test_analyses_of_pages_take_limits(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept: list[int] = []
     gather = facts.gather
-    monkeypatch.setattr(facts, "gather", lambda given: (kept.append(limits().seconds), gather(given))[1])
+
+    def kept_limit(given: Any) -> Any:
+        kept.append(limits().seconds)
+        return gather(given)
+
+    for module in (facts, WRITE):
+        monkeypatch.setattr(module, "gather", kept_limit)
     assert Done(*command, "derail/RiskyPath", "-o", tmp_path, "--limit", "seconds=3").status == 0
     assert kept == [3]
 

@@ -11,14 +11,14 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import safe_name
 from taskspec.base.jobs.running import Running
 from taskspec.language.task.schema.experiments import Experiment
-from taskspec.language.task.task import Task, TaskLike
+from taskspec.language.task.task import Task
 from taskspec.learn.exam import report
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.comparison import compare
 from taskspec.learn.exam.examining import examine
 from taskspec.learn.exam.results import NAME, Exam, folder_name
 from taskspec.learn.exam.verdicts import by_seed, mean_score
-from taskspec.learn.experiments.experiment_file import ExperimentFile, read_if_experiment
+from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance, expand
 from taskspec.learn.experiments.picture import draw
 from taskspec.learn.experiments.sweeping import Measured
@@ -89,18 +89,6 @@ class LearnersExamined:
             draw(self.experiment, self.rows(), path, tuple(self.exams))
             written.append(path)
         return written
-
-
-def tasks_named(names: Sequence[str]) -> list[TaskLike]:
-    """Return tasks by name; those of an experiment where one is named."""
-    found: list[TaskLike] = []
-    for name in names:
-        written = read_if_experiment(name)
-        if written is None:
-            found.append(name)
-        else:
-            found += expand(written).tasks()
-    return found
 
 
 def examine_learners(

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.bibliography import beside
-from taskspec.base.diagnostics import spec_error
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.files import write_text
 from taskspec.base.limits import telling
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.show.figures import scene, svg
-from taskspec.show.pages.facts import Facts
+from taskspec.show.pages.facts import Facts, gather
 from taskspec.show.pages.page import Page, briefly, page
 from taskspec.show.pages.render.html import site
 from taskspec.show.pages.render.latex import document
@@ -163,3 +163,15 @@ def compile_pdf(folder: Path) -> Path:
         if path.suffix[1:] in _SCRATCH:
             path.unlink()
     return folder / "document.pdf"
+
+
+def facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
+    """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
+    found = {}
+    printed = [task for task, _ in together(tasks)]
+    for task in telling(printed, lambda task: f"scores of {task.id}"):
+        try:
+            found[task.id] = gather(task)
+        except SpecError as error:
+            problems += error.diagnostics
+    return found
