@@ -12,13 +12,12 @@ import taskspec
 from taskspec.cli.app import app
 from taskspec.exact import Expert, check
 from taskspec.exact.rollout.rollout import by_expert, simulate
-from taskspec.language.task.task import Task
 from taskspec.show.pages.page import page
 from tests.exact.policies.test_memory import DRAWN, SEEN, episode, listening, tiger
 
 
 @pytest.mark.parametrize("observation", [SEEN, DRAWN])
-def test_it_acts_on_what_it_was_shown(observation: str) -> None:
+def test_it_acts_on_what_it_was_shown(observation: str, tmp_path: Path) -> None:
     task = tiger(observation)
     expert, whole = Expert(task), task.remembering()
     own = [episode(taskspec.make(task), expert, seed) for seed in range(60)]
@@ -26,13 +25,10 @@ def test_it_acts_on_what_it_was_shown(observation: str) -> None:
     assert len(set(own)) > 2
     env = taskspec.make(task)
     following = [episode(env, expert, seed) for seed in (0, *[None] * 59)]
-    run = CliRunner().invoke(app, ["run", _written(task), "--policy", "expert", "--episodes", "60", "--json"])
+    spec = tmp_path / "tiger.yaml"
+    spec.write_text(task.source.document.origin.text)
+    run = CliRunner().invoke(app, ["run", str(spec), "--policy", "expert", "--episodes", "60", "--json"])
     assert json.loads(run.output)["returns"] == following
-
-
-def _written(task: Task) -> str:
-    Path("tiger.yaml").write_text(task.source.document.origin.text)
-    return "tiger.yaml"
 
 
 def test_pages_say_what_it_remembers() -> None:
