@@ -69,9 +69,9 @@ def instances(entry: str) -> Any:
 def compiled() -> Any:
     """Lanes of a task that was never compiled before, on Numba."""
     engine = pytest.importorskip("taskspec.programs.numba")
-    loading, vector = (import_module(f"taskspec.{name}") for name in ("programs.numba.loading", "envs.vector"))
+    vector = import_module("taskspec.envs.vector")
     engine.compile_numba.cache_clear()
-    loading.load.cache_clear()
+    engine.load.cache_clear()
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, TASKSPEC_CACHE=folder):
         return vector.VectorEnvironment("Sort", 2, backend="numba")
 
@@ -288,7 +288,7 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
 
 
 def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:
-    loading = pytest.importorskip("taskspec.programs.numba.loading")
+    kept = pytest.importorskip("taskspec.programs.numba.cache")
     large = load(spec_file("catch"), rows=50, columns=50)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     assert vector.VectorEnvironment(large, 2).backend == "numpy"
@@ -296,7 +296,7 @@ def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: A
         vector.VectorEnvironment(large, 2, backend="numba")
     assert 'backend="numpy"' in (caught.value.diagnostics[0].hint or "")
     assert not caplog.records
-    with patch.object(loading, "LONG", 0):
+    with patch.object(kept, "LONG", 0):
         compiled()
     assert "takes about 1 seconds" in caplog.text or "takes about 2 seconds" in caplog.text
 

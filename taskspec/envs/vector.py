@@ -112,6 +112,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._engine = backend_table.engine(self.task, self.num_envs, self.backend, options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
         self._has_infos = bool(self.task.info) and not self._same_step
+        self._has_measures = bool(self.task.process.measures)
         self._reuse = reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
@@ -121,6 +122,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
         b = self._engine.buffers
         self._seen = b.seen.view()
+        self._masks: Masks | None = None
         if self.task.mask:
             self._masks = Masks(self.task, b.state)
         self._results = (b.reward, b.terminated, b.truncated)
@@ -163,7 +165,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         if self._has_infos:  # the states that a step leaves, and in which lanes one will be taken, instead of a reset
             before = (state_rows(self.task, self._engine.buffers.state), ~self._engine.buffers.ended)
         stepped = None
-        if self.task.process.measures:
+        if self._has_measures:
             stepped = ~self._engine.buffers.ended | self._same_step
         try:
             ended = self._engine.step(actions)
@@ -177,7 +179,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
         if stepped is not None:
             infos |= self._measured(stepped)
-        if self.task.mask:
+        if self._masks is not None:
             infos |= self._legal()
         if self._reuse:
             return (self._seen, *self._results, infos)
@@ -236,7 +238,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     def _legal(self) -> dict[str, Any]:
-        if not self.task.mask:
+        if self._masks is None:
             return {}
         return {"action_mask": self._masks(), "_action_mask": np.ones(self.num_envs, np.bool_)}
 

@@ -23,11 +23,6 @@ from taskspec.language.task.task import Task
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
 
-def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:
-    rows = np.zeros((math.prod(shape), lanes + gap), dtype)[:, :lanes]
-    return rows.reshape(*shape, lanes)
-
-
 @dataclass(frozen=True)
 class Values:
     """Gymnasium values of all lanes: an array (*shape, lanes) for every part of the layout."""
@@ -36,10 +31,13 @@ class Values:
     parts: tuple[Array, ...]
 
     @classmethod
-    def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
-        """Zeros of a layout, with so many numbers between the rows of an array."""
-        dtypes = [np.int64 if part.is_whole else np.float32 for part in layout.parts]
-        return cls(layout, tuple(_zeros(p.shape, lanes, gap, d) for p, d in zip(layout.parts, dtypes, strict=True)))
+    def empty(cls, layout: SpaceLayout, lanes: int) -> Values:
+        """Zeros of a layout."""
+        parts = []
+        for part in layout.parts:
+            dtype = np.int64 if part.is_whole else np.float32
+            parts.append(np.zeros((*part.shape, lanes), dtype))
+        return cls(layout, tuple(parts))
 
     def view(self, copy: bool = False) -> Any:
         """Return the values with the lanes first, as Gymnasium's batched space has them: in this memory, or copied."""
@@ -96,17 +94,13 @@ class Buffers:
     measures: tuple[Array, ...]
 
     @classmethod
-    def of(cls, task: Task, layout: SpaceLayout, lanes: int, gap: int = 0) -> Buffers:
-        """Zeros, for a task whose observations have the given layout.
-
-        With a gap of so many numbers between rows they are not a power of two apart. Rows that are share the few places
-        that a cache has for such addresses, and a loop over many of them takes three times as long.
-        """
+    def of(cls, task: Task, layout: SpaceLayout, lanes: int) -> Buffers:
+        """Zeros, for a task whose observations have the given layout."""
         return cls(
             seeds=np.zeros(lanes, np.uint64), steps=np.zeros(lanes, np.uint32), episodes=np.zeros(lanes, np.uint32),
             time=np.zeros(lanes, np.int64), running=np.zeros(lanes, np.bool_),
-            state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
-            seen=Values.empty(layout, lanes, gap), final=Values.empty(layout, lanes, gap),
+            state=tuple(np.zeros((*c.type.shape, lanes), DTYPES[c.type.kind]) for c in task.state),
+            seen=Values.empty(layout, lanes), final=Values.empty(layout, lanes),
             reward=np.zeros(lanes, np.float64), terminated=np.zeros(lanes, np.bool_),
             truncated=np.zeros(lanes, np.bool_), ended=np.zeros(lanes, np.bool_),
             measures=tuple(np.zeros(lanes) for _ in task.process.measures),

@@ -22,7 +22,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from taskspec.programs.numba.loops import generate
+from taskspec.programs.numba.module import generate
 from taskspec.programs.numpy import compile_numpy
 from taskspec.programs.scalar import compile_scalar
 from tests.verification.fuzz import corpus
@@ -68,13 +68,9 @@ def task_of(names: Names, labels: Names, texts: Names) -> Task:
 def sources(task: Task) -> Iterator[tuple[str, str]]:
     """Each backend with its source."""
     yield "scalar", compile_scalar(task).source
-    action = task.action_layout
     for mode in ("next_step", "same_step", "disabled"):
         yield f"numpy {mode}", compile_numpy(task, mode).source
-        yield (
-            f"numba {mode}",
-            generate(task, task.observation_layout, action, mode, "f" if action.form == "box" else "i")[0],
-        )
+        yield f"numba {mode}", generate(task, mode)[0]
     jax = pytest.importorskip("taskspec.programs.jax.program", exc_type=SpecError)
     yield "jax", jax.compile_jax(task).source
 
@@ -180,7 +176,21 @@ def test_what_is_no_name_is_refused(name: str, place: int) -> None:
 
 # -- what generated code uses at all ---------------------------------------------------------------------------------
 
-USED = {"abs", "float", "int", "list", "max", "min", "range", "round", "sorted", "zip", "TypeError", "ValueError"}
+USED = {
+    "abs",
+    "float",
+    "int",
+    "len",
+    "list",
+    "max",
+    "min",
+    "range",
+    "round",
+    "sorted",
+    "zip",
+    "TypeError",
+    "ValueError",
+}
 
 
 def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:

@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from taskspec.language.draws import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 from taskspec.language.draws.threefry import PARITY, ROTATIONS
-from taskspec.programs.numba.runtime import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
+from taskspec.programs.numba.runtime import apart, as_f32, as_i32, f32, f64, i32, i64, inner, part, select, u32, u64
 
 # -- words --------------------------------------------------------------------------------------------------------
 
@@ -48,8 +48,8 @@ def threefry(typing: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, steps: Any) -> None:
     """Words 0 to 2 slots - 1 of the present step of n lanes, a row of `width` for each."""
     for slot in range(slots):
-        first = u32s(words, 2 * slot * width)
-        second = u32s(words, (2 * slot + 1) * width)
+        first = part(words, 2 * slot * width)
+        second = part(words, (2 * slot + 1) * width)
         for j in range(n):
             first[j], second[j] = threefry(k0[j], k1[j], steps[j], u32(slot))
 
@@ -58,8 +58,8 @@ def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, ste
 def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any) -> None:
     """Words of the next reset of m lanes."""
     for slot in range(slots):
-        first = u32s(words, 2 * slot * width)
-        second = u32s(words, (2 * slot + 1) * width)
+        first = part(words, 2 * slot * width)
+        second = part(words, (2 * slot + 1) * width)
         for i in range(m):
             j = u64(lanes[i])
             first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
@@ -121,24 +121,27 @@ def _pair(radius: Any, angle: Any) -> Any:
 
 
 @inner
-def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
-    """Write standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
-    for k in range(first, first + size, 2):
-        radius = u32s(words, k * width)
-        angle = u32s(words, (k + 1) * width)
-        a = f32s(out, k * width)
-        b = f32s(out, (k + 1) * width)
-        for j in range(n):
-            a[j], b[j] = _pair(radius[j], angle[j])
+def normals(n: Any, words: Any, width: Any, size: Any) -> None:
+    """Replace `size` rows of words by standard normals in float32."""
+    for k in range(0, size, 2):
+        _make_normals(n, part(words, k * width), part(words, (k + 1) * width))
+
+
+@apart
+def _make_normals(n: Any, radius: Any, angle: Any) -> None:
+    for j in range(n):
+        a, b = _pair(radius[j], angle[j])
+        radius[j] = u32(as_i32(a))
+        angle[j] = u32(as_i32(b))
 
 
 @inner
-def exponentials(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
-    for k in range(first, first + size):
-        row = u32s(words, k * width)
-        made = f32s(out, k * width)
+def exponentials(n: Any, words: Any, width: Any, size: Any) -> None:
+    """Replace `size` rows of words by exponential variates."""
+    for k in range(size):
+        row = part(words, k * width)
         for j in range(n):
-            made[j] = exponential32(row[j])
+            row[j] = u32(as_i32(exponential32(row[j])))
 
 
 # -- variates, a word at a time -----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Compilation of kernels, and the functions that they call: selects, operators, and lanes whose episodes end."""
+"""Compilation of kernels, and the functions that they call: selects, pointers, operators, and lanes whose episodes end."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import math
 from math import inf, nan  # noqa: F401  # for generated code
 from typing import Any
 
-import llvmlite.binding as llvm
-import numba
 import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
-
-from taskspec.programs import run
 
 f32 = np.float32
 f64 = np.float64
@@ -23,31 +19,16 @@ u64 = np.uint64
 
 # -- compilation --------------------------------------------------------------------------------------------------
 
-
-def machine_code(source: str, machine: llvm.TargetMachine) -> bytes:
-    """Compile a generated module to an object file, in which CPython can call the function `kernel`.
-
-    The code raises no exceptions: what would report them is missing when it is loaded without Numba.
-    """
-    namespace: dict[str, Any] = {}
-    run(source, "<taskspec kernel>", namespace)
-    compiled = numba.cfunc(types.uint64(types.uint64, types.uint64), error_model="numpy")(namespace["kernel"])
-    text = compiled.inspect_llvm()
-    if "picklebuf" in text:  # Numba's name for the arguments of an exception
-        raise AssertionError(f"a kernel that may raise an exception:\n{source}")
-    module = llvm.parse_assembly(text)
-    module.get_function(compiled.native_name).name = "kernel"
-    return machine.emit_object(module)
-
-
+kernel = njit(cache=True, nogil=True, error_model="numpy")
+"""Compile a function that Python calls."""
 inner = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 """Compile a function that only kernels call."""
 
 
 def apart(function: Any) -> Any:
-    """Compile with the promise that no two array arguments share memory, so that loops need not check."""
-    compiled = inner(function)
-    compiler: Any = getattr(compiled, "_compiler", None)
+    """Compile with the promise that no two pointers share memory: loops of many rows do not become vector code without it."""
+    dispatcher = inner(function)
+    compiler: Any = getattr(dispatcher, "_compiler", None)
     default_flags = getattr(compiler, "_customize_flags", None)
     if default_flags is not None:  # private to Numba, hence optional
 
@@ -57,10 +38,10 @@ def apart(function: Any) -> Any:
             return flags
 
         compiler._customize_flags = without_aliases
-    return compiled
+    return dispatcher
 
 
-# -- building blocks: selects without branches, and numbers at addresses ------------------------------------------
+# -- selects without branches, and floats as bits -----------------------------------------------------------------
 
 
 @intrinsic
@@ -92,42 +73,34 @@ as_f32 = _bits(types.int32, types.float32)
 as_i32 = _bits(types.float32, types.int32)
 
 
-def _numbers(dtype: Any) -> Any:
-    """`view(address, at)`: a pointer to numbers in memory, from number `at` on."""
+# -- pointers: a row as an argument of a loop, which compiles sooner than an array, and whose references are not counted ---
+
+
+def _pointer(dtype: Any) -> Any:
+    """`numbers(source, at)`: a pointer to number `at` of an array or behind a pointer, as one to a type (None: the same)."""
 
     @intrinsic
-    def view(typing: Any, address: Any, at: Any) -> Any:
+    def numbers(typing: Any, source: Any, at: Any) -> Any:
+        result = types.CPointer(dtype or source.dtype)
+
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            pointer = builder.inttoptr(args[0], context.get_value_type(dtype).as_pointer())
-            return builder.gep(pointer, [args[1]])
+            data = args[0]
+            if isinstance(source, types.Array):
+                data = context.make_array(source)(context, builder, data).data
+            data = builder.bitcast(data, context.get_value_type(result))
+            return builder.gep(data, [args[1]])
 
-        return types.CPointer(dtype)(types.uint64, types.int64), codegen
+        return result(source, types.int64), codegen
 
-    return view
-
-
-f64s = _numbers(types.float64)
-f32s = _numbers(types.float32)
-i64s = _numbers(types.int64)
-u64s = _numbers(types.uint64)
-u32s = _numbers(types.uint32)
-flags = _numbers(types.uint8)
+    return numbers
 
 
-# -- called by CPython, with objects ------------------------------------------------------------------------------
-
-boxed = types.ExternalFunction("PyLong_FromLongLong", types.uint64(types.int64))
-release = types.ExternalFunction("PyEval_SaveThread", types.uint64())
-acquire = types.ExternalFunction("PyEval_RestoreThread", types.void(types.uint64))
-_HEAD = object.__basicsize__ // 8
-
-
-@inner
-def numbers_of(array: Any) -> Any:
-    """Return the address of the numbers of an array object: what follows its head (`PyArrayObject` of NumPy's C
-    interface).
-    """
-    return u64s(array, i64(_HEAD))[0]
+part = _pointer(None)
+f64s = _pointer(types.float64)
+f32s = _pointer(types.float32)
+i64s = _pointer(types.int64)
+u32s = _pointer(types.uint32)
+flags = _pointer(types.uint8)
 
 
 # -- operators of more than one expression; sine and cosine are polynomials, for speed ----------------------------
@@ -257,52 +230,41 @@ def cos(x: Any) -> Any:
 # -- lanes whose episodes end -------------------------------------------------------------------------------------
 
 
-@inner
+@apart
 def gather(n: Any, flags: Any, lanes: Any) -> Any:
     """Return the numbers of the lanes whose flag is set, and how many they are; `lanes` has room for n + 1."""
     m: Any = 0
     for j in range(n):
-        lanes[m] = j
+        lanes[m] = u32(j)
         m += i64(flags[j])
     return m
 
 
-def _keeper(numbers: Any) -> Any:
-    @inner
-    def keep(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
-        for k in range(rows):
-            a = numbers(seen, k * every + first)
-            b = numbers(final, k * every + first)
-            for i in range(m):
-                j = u64(lanes[i])
-                b[j] = a[j]
-
-    return keep
-
-
-keep_reals = _keeper(f32s)
-"""Copy rows of float32 observations of some lanes from `seen` to `final`."""
-keep_ints = _keeper(i64s)
-"""Copy rows of int64 observations."""
+@inner
+def keep(m: Any, lanes: Any, rows: Any, seen: Any, final: Any, pitch: Any) -> None:
+    """Copy rows of observations of some lanes from `seen` to `final`."""
+    for k in range(rows):
+        a = part(seen, k * pitch)
+        b = part(final, k * pitch)
+        for i in range(m):
+            j = u64(lanes[i])
+            b[j] = a[j]
 
 
 @inner
-def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any) -> None:
-    """Copy rows of drawn float32 numbers into rows of observations."""
+def show(n: Any, reals: Any, width: Any, size: Any, seen: Any, pitch: Any) -> None:
+    """Copy rows of drawn numbers into rows of observations."""
     for k in range(size):
-        a = f32s(reals, (number + k) * width)
-        b = f32s(seen, (row + k) * every + first)
+        a = part(reals, k * width)
+        b = part(seen, k * pitch)
         for j in range(n):
             b[j] = a[j]
 
 
 @inner
-def show_some(
-    m: Any, lanes: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any,
-    n: Any,
-) -> None:  # fmt: skip
+def show_some(m: Any, lanes: Any, reals: Any, width: Any, size: Any, seen: Any, pitch: Any) -> None:
     for k in range(size):
-        a = f32s(reals, (number + k) * width)
-        b = f32s(seen, (row + k) * every + first)
+        a = part(reals, k * width)
+        b = part(seen, k * pitch)
         for i in range(m):
             b[u64(lanes[i])] = a[i]

@@ -16,16 +16,15 @@ from typing import Any
 import numpy as np
 
 from taskspec.language import draws
-from taskspec.language.expressions.types import INT_MAX, Kind
+from taskspec.language.expressions.types import INT_MAX
 from taskspec.language.expressions.variates import words_of
 from taskspec.language.task.task import Task
-from taskspec.programs.numba import loading, loops
+from taskspec.programs.numba import loops, runtime
 from taskspec.programs.numba.loops import Program
+from taskspec.programs.numba.memory import row_names
 
 Array = Any
-DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
-SEEN: dict[str, Any] = {"f32s": np.float32, "f64s": np.float64, "i64s": np.int64, "flags": np.bool_, "u32s": np.uint32}
-FOLDER = Path(loading.__file__).parent
+FOLDER = Path(runtime.__file__).parent
 
 
 class OutsideError(Exception):
@@ -63,10 +62,16 @@ def _bits(dtype: Any) -> Callable[[Any], Any]:
 
 
 def _called_by_kernels(text: str) -> str:
-    """Return the source of the run-time functions that are plain Python: those after `numbers_of`."""
-    body = ast.parse(text).body
-    names = [node.name if isinstance(node, ast.FunctionDef) else "" for node in body]
-    return ast.unparse(ast.Module(body[names.index("numbers_of") + 1 :], []))
+    """Return the source of the run-time functions that are plain Python, and of the constant that they need."""
+    kept: list[ast.stmt] = []
+    for node in ast.parse(text).body:
+        is_plain = isinstance(node, ast.FunctionDef) and [ast.unparse(x) for x in node.decorator_list] in (
+            ["inner"],
+            ["apart"],
+        )
+        if is_plain or (isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "INT_MAX"):
+            kept.append(node)
+    return ast.unparse(ast.Module(kept, []))
 
 
 @cache
@@ -76,7 +81,7 @@ def _library() -> dict[str, Any]:
         "inner": lambda f: f, "apart": lambda f: f, "intrinsic": lambda f: f, "select": lambda c, a, b: a if c else b,
         "f32": _cast(np.float32), "f64": _cast(np.float64), "i32": _cast(np.int32), "i64": _cast(np.int64),
         "u32": _cast(np.uint32), "u64": _cast(np.uint64), "as_f32": _bits(np.float32), "as_i32": _bits(np.int32),
-        "f32s": None, "i64s": None, "u32s": None,
+        "part": None,
     }  # fmt: skip
     text = (FOLDER / "kernel_draws.py").read_text()
     lines = [x for x in text.splitlines() if not x.startswith("from taskspec.programs.numba.runtime")]
@@ -104,34 +109,28 @@ class Kernel:
 
     def __init__(self, task: Task, seed: int, compiled: bool = False) -> None:
         self.task, self.seed, self.steps, self.time = task, seed, 0, 0
-        self._program = Program(task, task.observation_layout, task.action_layout, "disabled", "i")
-        text, self._rows, _ = loops.advance(self._program)
-        source = "\n".join(line for line in text if not line.startswith("@"))
+        self._program = Program(task, "disabled")
+        function = loops.advance(self._program)
+        self._rows = function.rows
+        source = "\n".join(line for line in function.lines if not line.startswith("@"))
         self._advance = (_compiled if compiled else _as_python)(source, self._program.constants)
 
     def step(
         self, state: Sequence[tuple[Any, ...]], actions: Sequence[int]
     ) -> tuple[list[tuple[Any, ...]], float, bool]:
         """Next state, reward and whether it terminated, of a state at the present time."""
-        held = {
-            row.name: np.array([value], DTYPES[c.type.kind])
-            for c, rows, flat in zip(self.task.state, self._program.states, state, strict=True)
-            for row, value in zip(rows, flat, strict=True)
-        }
-        given = {**held, **self._words()}
-        rows = [given.setdefault(row.name, np.zeros(1, SEEN[row.kind])) for row in self._rows]
-        reward, time = np.zeros(1), np.array([self.time], np.int64)
-        steps, episodes, terminated, truncated, ended = (np.zeros(1, t) for t in (np.uint32,) * 2 + (np.bool_,) * 3)
+        given = self._words()
+        for name, array in self._program.memory.block(1, 1).arrays.items():
+            given |= zip(row_names(name, array.shape[:-1]), array.reshape(-1, 1), strict=True)
+        for rows, flat in zip(self._program.states, state, strict=True):
+            for row, value in zip(rows, flat, strict=True):
+                given[row][0] = value
+        given["time"][0] = self.time
         with np.errstate(all="ignore"):
-            self._advance(
-                1, np.array(actions, np.int64), steps, episodes, time, reward, terminated, truncated, ended, *rows
-            )
+            self._advance(1, np.array(actions, np.int64), *(given[row] for row in self._rows))
         self.steps, self.time = self.steps + 1, self.time + 1
-        following = [
-            tuple(given[row.name][0].item() for row in rows)
-            for c, rows in zip(self.task.state, self._program.states, strict=True)
-        ]
-        return following, float(reward[0]), bool(terminated[0])
+        following = [tuple(given[row][0].item() for row in rows) for rows in self._program.states]
+        return following, float(given["reward"][0]), bool(given["terminated"][0])
 
     def _words(self) -> dict[str, Array]:
         """The words of the present step, and the reals that are made of them beforehand."""
