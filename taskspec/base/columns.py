@@ -129,7 +129,10 @@ class Columns:
             if len(rows) < 2 or not shared:
                 continue
             for row in rows:
-                style = row[self.names].style if isinstance(row[self.names], Text) else ""
+                if isinstance(row[self.names], Text):
+                    style = row[self.names].style
+                else:
+                    style = ""
                 row[self.names] = Text(str(row[self.names]).replace(shared, "…", 1), style=style)
             above: list[Any] = [""] * len(self.headers)
             above[self.names] = Text(f"{indent}{shared}…", style="quiet")

@@ -68,7 +68,10 @@ def _is_hidden(char: str) -> bool:
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return an HTML table with a caption, a header, and rows of escaped text, for `_repr_html_`."""
     body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in rows)
-    head = f"<thead><tr>{_cells('th', header)}</tr></thead>" if header else ""
+    if header:
+        head = f"<thead><tr>{_cells('th', header)}</tr></thead>"
+    else:
+        head = ""
     return f"<table><caption>{_shown(caption)}</caption>{head}<tbody>{body}</tbody></table>"
 
 
@@ -97,7 +100,10 @@ def number(value: float, digits: int = 6) -> str:
 
 def decimal(value: float, places: int = 4) -> str:
     """Return a number in decimals without trailing zeros, thousands apart: `12,345.5`; three digits of very small ones."""
-    text = f"{value:,.{places}f}" if abs(value) < 1e15 else f"{value:.4g}"
+    if abs(value) < 1e15:
+        text = f"{value:,.{places}f}"
+    else:
+        text = f"{value:.4g}"
     if "." in text:
         text = text.rstrip("0").rstrip(".")
     if value != 0 and not text.strip("-0."):

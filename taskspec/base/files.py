@@ -106,7 +106,10 @@ class Unfinished:
     """
 
     def __init__(self, place: Path, new: bool = False) -> None:
-        self._place = place if new else place.resolve()
+        if new:
+            self._place = place
+        else:
+            self._place = place.resolve()
         self._new = new
         self._place.parent.mkdir(parents=True, exist_ok=True)
         if new:

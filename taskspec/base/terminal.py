@@ -73,7 +73,10 @@ def console(err: bool = False, wide: bool = False) -> Console:
     from rich.theme import Theme
 
     stream = _stream(err)
-    kind = Console if stream.isatty() else PipedConsole
+    if stream.isatty():
+        kind = Console
+    else:
+        kind = PipedConsole
     width = None
     if terminal_width(err) is None:
         width = PIPED if wide else PAGE

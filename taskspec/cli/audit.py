@@ -97,7 +97,10 @@ def _replay(subject: Subject, text: str) -> None:
     table = Columns("action", "observation", "reward", "end", fold=(1,))
     for step in steps:
         ends = " ".join(name for name in ("terminated", "truncated") if getattr(step, name))
-        action = "reset" if step.action is None else shown(step.action)
+        if step.action is None:
+            action = "reset"
+        else:
+            action = shown(step.action)
         table.add_row(action, step.error or shown(step.observation, 200), decimal(step.paid), ends)
     console().print(table)
     t = first_difference(steps, again)

@@ -154,7 +154,10 @@ def check_other(path: Path, kind: Kind) -> FileReport:
             diagnostics: Sequence[Diagnostic] = [*expanded.diagnostics, *expanded.refused]
             entries = len(expanded.instances)
         else:
-            found = read_exam(path) if kind == "exam" else read_findings(path)
+            if kind == "exam":
+                found = read_exam(path)
+            else:
+                found = read_findings(path)
             diagnostics = found.diagnostics
             entries = len(found.rules)
     except SpecError as error:

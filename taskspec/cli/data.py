@@ -114,7 +114,10 @@ def _write(
     format_of(output, format)  # a mistake is reported before the work
     records = []
     for task in tasks:
-        place = output if len(tasks) == 1 else beside(output, task)
+        if len(tasks) == 1:
+            place = output
+        else:
+            place = beside(output, task)
         with progress(task.instance_id):
             data = make(task)
         write(data, place, format)

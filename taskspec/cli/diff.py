@@ -59,7 +59,10 @@ def diff(
     if json:
         write_json(dataclasses.asdict(found))
     else:
-        names = (first, second) if first != second else (one.name, other.name)
+        if first != second:
+            names = (first, second)
+        else:
+            names = (one.name, other.name)
         _print(found, *names)
     if found.relation not in ("identical", "same task", "no difference found"):
         raise typer.Exit(1)
@@ -90,7 +93,10 @@ def _task(target: str, variant: str | None) -> Task:
 
 def _print(found: TaskRelation, first: str, second: str) -> None:
     out = console()
-    style = "good" if found.relation in ("identical", "same task") else "warn"
+    if found.relation in ("identical", "same task"):
+        style = "good"
+    else:
+        style = "warn"
     out.print(line((found.relation, style), f": {found.words}"))
     part = found.difference
     if part is not None:

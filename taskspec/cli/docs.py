@@ -71,7 +71,10 @@ def docs(
                 warnings += set_aside(task, undrawn)[0]
         if not tasks:
             raise SpecError(problems)
-        facts = facts_of(tasks, problems) if results else {}
+        if results:
+            facts = facts_of(tasks, problems)
+        else:
+            facts = {}
         written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
     print_diagnostics([*problems, *warnings])
     if not written:  # of figures alone, as every task has a page

@@ -20,7 +20,10 @@ CodeArgument = Annotated[str | None, Argument(metavar="[CODE]", help="A code or 
 
 def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
-    found = list(codes().values()) if code is None else [_find(code)]
+    if code is None:
+        found = list(codes().values())
+    else:
+        found = [_find(code)]
     if json:
         write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
     elif code is None:
@@ -46,7 +49,10 @@ def _find(text: str) -> Code:
 
 def _explain(code: Code) -> None:
     out = console()
-    style = "bad" if code.severity == "error" else "warn"
+    if code.severity == "error":
+        style = "bad"
+    else:
+        style = "warn"
     out.print(line((f"{code.severity}[{code.code} {code.slug}]", style), f": {code.title}\n"))
     if colored():
         from rich.markdown import Markdown

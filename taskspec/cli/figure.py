@@ -47,5 +47,8 @@ def figure(
         output = Path(f"{anchor(found[0].name)}.svg")
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
     for each in found:
-        place = output if len(found) == 1 else beside(output, each)
+        if len(found) == 1:
+            place = output
+        else:
+            place = beside(output, each)
         say(f"wrote {pages.figure(each, place, wanted)}")

@@ -63,7 +63,10 @@ class Commands(TyperGroup):
         for name in self.list_commands(ctx):
             command: Any = self.get_command(ctx, name)
             panel = command.rich_help_panel
-            title = panel if isinstance(panel, str) else "Commands"
+            if isinstance(panel, str):
+                title = panel
+            else:
+                title = "Commands"
             panels.setdefault(title, []).append((name, command.get_short_help_str(400)))
         panels["Options"] = [_record(param, ctx) for param in self.get_params(ctx)]
         _print_help(self, ctx, panels)
@@ -80,8 +83,14 @@ def usage_reported() -> Iterator[None]:
             raise
         message = error.format_message().rstrip(".")
         text, _, hint = message.partition(" Did you mean")
-        path = error.ctx.command_path if error.ctx is not None else "taskspec"
-        near = f"did you mean{hint}" if hint else f"`{path} --help` shows what there is"
+        if error.ctx is not None:
+            path = error.ctx.command_path
+        else:
+            path = "taskspec"
+        if hint:
+            near = f"did you mean{hint}"
+        else:
+            near = f"`{path} --help` shows what there is"
         text = f"{text[0].lower()}{text[1:]}".rstrip(".")
         fail([Diagnostic("E713", None, text, near)], 2)
 

@@ -29,7 +29,10 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
     """Return the value of an option."""
     if value not in allowed:
         listed = ", ".join(allowed)
-        code = "E726" if name == "--format" else "E713"
+        if name == "--format":
+            code = "E726"
+        else:
+            code = "E713"
         raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed), code)
     return value
 
@@ -46,7 +49,10 @@ def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[
 
 def count(option: str, text: str | None) -> int | None:
     """Return a number such as 500k or 1.5M; None where none is given."""
-    found = None if text is None else count_of(text)
+    if text is None:
+        found = None
+    else:
+        found = count_of(text)
     if text is not None and found is None:
         raise misuse(f"{option} is a number such as 500k, not '{text}'")
     return found
@@ -54,7 +60,10 @@ def count(option: str, text: str | None) -> int | None:
 
 def seconds(option: str, text: str | None) -> float | None:
     """Return a time such as 5m, 90s or 1.5h in seconds; None where none is given."""
-    found = None if text is None else seconds_of(text)
+    if text is None:
+        found = None
+    else:
+        found = seconds_of(text)
     if text is not None and found is None:
         raise misuse(f"{option} is a time such as 5m, 90s or 1.5h, not '{text}'")
     return found

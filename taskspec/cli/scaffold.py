@@ -81,7 +81,10 @@ def new(
     if not is_file:
         path = Path(f"{words.replace(' ', '_')}.yaml")
     if output is not None:
-        path = output / path if output.is_dir() else output
+        if output.is_dir():
+            path = output / path
+        else:
+            path = output
     write_text(path, SCAFFOLD.format(name=name, title=words.capitalize()), new=True)
     say(
         f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render ansi"

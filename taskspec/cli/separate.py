@@ -65,7 +65,10 @@ def separate(
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
     tasks = family_of(family)
-    opponent = None if second is None else learner_of(second)
+    if second is None:
+        opponent = None
+    else:
+        opponent = learner_of(second)
     search = Search(
         tasks, learner_of(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell
     )

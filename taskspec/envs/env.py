@@ -242,7 +242,10 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
         reads: dict[tuple[Role, str], tuple[Any, ...]] = {TIME: (0,)}
         for c, value in zip(self.task.state, values, strict=True):
-            reads[c.read] = tuple(value) if c.type.shape else (value,)
+            if c.type.shape:
+                reads[c.read] = tuple(value)
+            else:
+                reads[c.read] = (value,)
         flats = evaluate(self.task.observation.nodes, reads, sampler(layout, words))
         return self._program.pack(flats)
 

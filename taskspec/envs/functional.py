@@ -46,7 +46,10 @@ class TaskFuncEnv(_FuncEnv):
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng, params)
-        mask = self._functional.action_mask(state, params) if self._functional.task.mask else ()
+        if self._functional.task.mask:
+            mask = self._functional.action_mask(state, params)
+        else:
+            mask = ()
         return FuncState(state, seen, np.float32(0), np.False_, {}, mask)
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:

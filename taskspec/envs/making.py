@@ -195,7 +195,10 @@ def _instance_lanes(tasks: Sequence[Task], num_envs: int | None, options: dict[s
     from taskspec.envs.options import invalid, positive
     from taskspec.envs.vector import InstanceLanes
 
-    count = len(tasks) if num_envs is None else positive("num_envs", num_envs)
+    if num_envs is None:
+        count = len(tasks)
+    else:
+        count = positive("num_envs", num_envs)
     if not 0 < len(tasks) <= count:
         raise invalid(f"{len(tasks)} instances for {count} lanes")
     return InstanceLanes([tasks[i % len(tasks)] for i in range(count)], **options)

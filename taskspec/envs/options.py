@@ -142,6 +142,8 @@ def seed_of(value: Any) -> int:
 def _whole(value: Any) -> int | None:
     """Return an int of any kind; None for anything else."""
     try:
-        return None if isinstance(value, bool) else operator.index(value)
+        if isinstance(value, bool):
+            return None
+        return operator.index(value)
     except TypeError:
         return None

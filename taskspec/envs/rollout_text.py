@@ -19,7 +19,10 @@ def print_summary(task: Task, policy: str, seed: int, summary: Summary) -> None:
     """Print how a policy did: return with its interval, lengths, and how episodes ended."""
     out = console()
     given = f" {settings(task)}".rstrip()
-    who = policy if "." in policy else f"{policy} policy"
+    if "." in policy:
+        who = policy
+    else:
+        who = f"{policy} policy"
     out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
     table = Columns("", "", styles=("quiet",), fold=(1,))
     table.add_row("  return", _mean(summary))

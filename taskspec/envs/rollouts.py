@@ -76,7 +76,10 @@ def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDr
 
 def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
     task = env.task
-    memory = task.annotations.memory if policy.task.annotations.remembers else None
+    if policy.task.annotations.remembers:
+        memory = task.annotations.memory
+    else:
+        memory = None
     remembered: list[Flat] = []
     last: list[Flat] = []
 
@@ -195,7 +198,10 @@ def action_words(env: Environment, action: Any) -> str:
     components = env.task.action
     for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True):
         has_labels = c.domain is not None and c.type.kind is not Kind.BOOL
-        name = "" if has_labels or len(components) == 1 else f"{c.name} = "
+        if has_labels or len(components) == 1:
+            name = ""
+        else:
+            name = f"{c.name} = "
         words.append(name + _value_words(c, flat))
     return ", ".join(words)
 

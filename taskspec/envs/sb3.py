@@ -65,7 +65,10 @@ class Sb3VecEnv(VecEnv):
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Lane i draws from seed + i from the next reset on; without a seed, streams go on."""
-        self._first_seed = None if seed is None else seed_of(seed)
+        if seed is None:
+            self._first_seed = None
+        else:
+            self._first_seed = seed_of(seed)
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
     def reset(self) -> Any:

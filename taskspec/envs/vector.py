@@ -126,7 +126,10 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         if self.task.mask:
             self._masks = Masks(self.task, b.state)
         self._results = (b.reward, b.terminated, b.truncated)
-        self._last = None if isinstance(self._seen, dict) else b.final.view()
+        if isinstance(self._seen, dict):
+            self._last = None
+        else:
+            self._last = b.final.view()
 
     @property
     def source(self) -> str:
@@ -149,7 +152,10 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             options: `{"reset_mask": array}`.
         """
         mask = reset_option(options, "reset_mask")
-        lanes = None if mask is None else self._lanes(mask)
+        if mask is None:
+            lanes = None
+        else:
+            lanes = self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
         return self._observation(), self._legal()
@@ -174,7 +180,10 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ActionError(message) from None
         except LanesNotRunningError:
             raise self._not_running() from None
-        infos = self._final() if ended and self._same_step else {}
+        if ended and self._same_step:
+            infos = self._final()
+        else:
+            infos = {}
         if before is not None:
             infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
         if stepped is not None:

@@ -203,7 +203,10 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
 def _document(file: File) -> Document:
     """Return the document of a file with a valid shape."""
     path = str(file.path)
-    document = registry.document(path) if file.text is None else _of_text(file.text, path)
+    if file.text is None:
+        document = registry.document(path)
+    else:
+        document = _of_text(file.text, path)
     check_document(document)
     return document
 

@@ -347,7 +347,10 @@ def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
 
 def _row(lane: LaneEmitter, x: Node, index: str, row: int) -> LaneValue:
     """Return one row of x: an expression when it is a single element; constants are kept outside the step."""
-    flat = x.numbers if isinstance(x, Const) else None
+    if isinstance(x, Const):
+        flat = x.numbers
+    else:
+        flat = None
     if row != 1 and flat is not None:
         rows = tuple(flat[k : k + row] for k in range(0, len(flat), row))
         return LaneValue(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))
@@ -358,7 +361,10 @@ def _row(lane: LaneEmitter, x: Node, index: str, row: int) -> LaneValue:
         return LaneValue([f"{lane.constant(flat)}[{index}]"])
     value = lane.values[id(x)]
     short = value.packed is None and len(value.atoms or ()) <= lane.unrolled
-    sequence = tuple_of(lane.atoms(x)) if short else lane.packed(x)
+    if short:
+        sequence = tuple_of(lane.atoms(x))
+    else:
+        sequence = lane.packed(x)
     return LaneValue([f"{sequence}[{index}]"])
 
 

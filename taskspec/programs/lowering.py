@@ -220,7 +220,10 @@ def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: 
     """Return the reads below a node; None where they have too many values, or something is drawn."""
     if isinstance(node, Draw):
         return None
-    found = {node} if isinstance(node, Read) else set[Read]()
+    if isinstance(node, Read):
+        found = {node}
+    else:
+        found = set[Read]()
     for child in children(node):
         below = finite[id(child)]
         if below is None:
@@ -249,7 +252,10 @@ def _table(b: Builder, node: Node, found: frozenset[Read]) -> Node:
     points: dict[tuple[Role, str], Array] = {}
     place: Node = b.scalar(0)
     for read, count, digits in zip(reads, counts, places, strict=True):
-        low = 0 if read.type.kind is Kind.BOOL else int(read.low)
+        if read.type.kind is Kind.BOOL:
+            low = 0
+        else:
+            low = int(read.low)
         points[read.role, read.name] = (digits + low).astype(np.bool_ if read.type.kind is Kind.BOOL else np.int64)
         digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))
         place = b.apply("add", b.apply("mul", place, b.scalar(count)), digit)

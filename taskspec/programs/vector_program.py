@@ -182,7 +182,10 @@ def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     dtype = np.int64 if layout.parts[0].is_whole else np.float64
     segments = list(zip(task.action, layout.segments, strict=True))
     unsigned = dtype is np.int64 and not low.any()  # as such, negative numbers are huge: one comparison is enough
-    largest = high.astype(np.uint64) if unsigned else high
+    if unsigned:
+        largest = high.astype(np.uint64)
+    else:
+        largest = high
 
     def read(actions: Any) -> tuple[Array, ...]:
         rows = action_array(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")
@@ -346,7 +349,10 @@ class Episodes:
 
     def step(self, ended: int) -> int:
         """Record a step in which `ended` episodes ended; return their number."""
-        self.over = 0 if self.mode == "same_step" else ended
+        if self.mode == "same_step":
+            self.over = 0
+        else:
+            self.over = ended
         self.ready = self.begun and (self.mode != "disabled" or not self.over)
         return ended
 

@@ -71,7 +71,10 @@ def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]
             for alias in node.names:
                 yield from _files(alias.name, folders)
         elif isinstance(node, ast.ImportFrom):
-            within = [file.parents[node.level - 1]] if 0 < node.level <= len(file.parents) else folders
+            if 0 < node.level <= len(file.parents):
+                within = [file.parents[node.level - 1]]
+            else:
+                within = folders
             for alias in node.names:
                 yield from _files(f"{node.module or ''}.{alias.name}".lstrip("."), within)
 

@@ -48,7 +48,10 @@ class _Worker:
 
     def attempt(self, call: bytes, seconds: float | None) -> Ending:
         """Do a call (see `perform`); if its process dies, the status is `died`."""
-        limit = None if seconds is None else seconds + GRACE
+        if seconds is None:
+            limit = None
+        else:
+            limit = seconds + GRACE
         start = time.perf_counter()
         try:
             self._executor.submit(os.getpid).result()  # its process is there, and the time limit begins

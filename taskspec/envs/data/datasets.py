@@ -33,7 +33,10 @@ SPACE = (np.dtype(np.int64), np.dtype(np.float32))  # the types of observations 
 
 def check_transitions(data: Transitions, is_whole: bool) -> None:
     """Check the arrays of whole episodes, or of segments: runs of steps that only the last may end."""
-    rows = len(data.rews) if np.ndim(data.rews) else 0
+    if np.ndim(data.rews):
+        rows = len(data.rews)
+    else:
+        rows = 0
     if not rows:
         raise ValueError("it has no transitions")
     for name, types in {"rews": REAL, "terminated": BOOL, "truncated": BOOL, "episode": WHOLE, "time": WHOLE}.items():
@@ -48,7 +51,10 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
         _check(name, part, (old.dtype,), old.shape)
     goes_on = np.append(np.diff(data.episode) == 0, False)
     is_first = np.append(True, ~goes_on[:-1])
-    begins_late = data.time != 0 if is_whole else data.time < 0
+    if is_whole:
+        begins_late = data.time != 0
+    else:
+        begins_late = data.time < 0
     wrong = {
         "rews": ~np.isfinite(data.rews),
         "episode": (data.episode < 0) | (np.diff(data.episode, prepend=0) < 0),
@@ -63,7 +69,10 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
     """Check the labels of each pair of segments."""
-    pairs = len(preferences) if np.ndim(preferences) else 0
+    if np.ndim(preferences):
+        pairs = len(preferences)
+    else:
+        pairs = 0
     if not np.array_equal(segments.episode[segments.starts], np.arange(2 * pairs)):
         raise ValueError(f"`episode` does not number the segments of {pairs} pairs from 0 to {2 * pairs - 1}")
     _check("preferences", preferences, REAL, (pairs,))
@@ -100,7 +109,10 @@ def write_table(
         if np.ndim(values) > 1:
             held[name] = arrow.FixedSizeListArray.from_arrays(held[name], math.prod(np.shape(values)[1:]))
     table = arrow.table(held)
-    kept = None if metadata is None else {KEY: json.dumps(metadata)}
+    if metadata is None:
+        kept = None
+    else:
+        kept = {KEY: json.dumps(metadata)}
     parquet.write_table(table.replace_schema_metadata(kept), path)
 
 
@@ -113,7 +125,10 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     found = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
-        values = column.flatten() if shapes[name] else column
+        if shapes[name]:
+            values = column.flatten()
+        else:
+            values = column
         found[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
     return found, metadata
 
@@ -267,7 +282,10 @@ PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
 
 def flat(data: Data) -> dict[str, Array]:
     """Return the arrays of data by name; those of a dict of observations are `obs.NAME`."""
-    segments = data.segments if isinstance(data, Preferences) else data
+    if isinstance(data, Preferences):
+        segments = data.segments
+    else:
+        segments = data
     found: dict[str, Array] = {}
     for name, value in columns(segments).items():
         found |= _parts(name, value)

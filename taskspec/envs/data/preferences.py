@@ -229,10 +229,19 @@ def preferences(
     pairs = positive("pairs", pairs)
     seed = seed_of(seed)
     acting = policy_of(found, policy)
-    length = None if length is None else positive("length", length)
-    ends = return_ends(found, length) if who.needs_range else (0.0, 0.0)
+    if length is None:
+        length = None
+    else:
+        length = positive("length", length)
+    if who.needs_range:
+        ends = return_ends(found, length)
+    else:
+        ends = (0.0, 0.0)
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
-    segments = whole if length is None else _cut(whole, length, seed)
+    if length is None:
+        segments = whole
+    else:
+        segments = _cut(whole, length, seed)
     returns = segments.returns(found.discount)
     near = who.seen(segments, found.discount)
     words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)

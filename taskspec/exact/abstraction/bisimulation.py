@@ -54,7 +54,10 @@ def signature(rows: Rows, found: Sequence[Sequence[int]], level: int, s: int) ->
     for outcomes in rows[s]:
         merged: Counter[Hashable] = Counter()
         for (to, reward, ends), p in outcomes.items():
-            seen = found[0][to] if ends else found[level][to]
+            if ends:
+                seen = found[0][to]
+            else:
+                seen = found[level][to]
             merged[reward, ends, seen] += p
         by_action.append(frozenset(merged.items()))
     return tuple(by_action)

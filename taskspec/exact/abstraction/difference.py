@@ -149,7 +149,10 @@ class NamedSteps:
         self._steps = Steps(task, as_paid=True)
         if math.isinf(self._steps.branching):
             self._steps = Steps(task)
-        self.times = (task.horizon or 1) if self._steps.uses_time else 1
+        if self._steps.uses_time:
+            self.times = task.horizon or 1
+        else:
+            self.times = 1
         if self.model.n_states * self.model.n_actions * self._steps.branching * self.times > MOST_OUTCOMES:
             refuse("there are too many steps to compare")
         if not task.observation.is_state and math.isinf(outcome_count(task.observation.nodes)):
@@ -368,7 +371,10 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
     if all(_moves(one, t) == _moves(other, t) for t in times):
         factor = _factor(_advantages(solvers, where, acting, is_random=True))
         if factor is not None:
-            scale = "" if factor == 1 else f" times {decimal(float(factor))}"
+            if factor == 1:
+                scale = ""
+            else:
+                scale = f" times {decimal(float(factor))}"
             if all(_is_scaled(one, other, where, t, float(factor)) for t in times):
                 return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
             words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
@@ -407,7 +413,9 @@ def _advantages(
 
 def _plan(n: Any, is_random: bool) -> Iterator[tuple[int, Any, Any]]:
     def choose(t: int, q: Any) -> Any:
-        return n.follow(n.uniform, q) if is_random else n.top(q)
+        if is_random:
+            return n.follow(n.uniform, q)
+        return n.top(q)
 
     return backward(n.backup, choose, n.zero(), n.horizon)
 
@@ -494,4 +502,6 @@ def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) ->
 
 def _numbers(values: Array) -> str:
     found = [decimal(float(v), 6) for v in np.ravel(values)[:8]]
-    return found[0] if len(found) == 1 else f"[{', '.join(found)}{', ...' * (np.size(values) > 8)}]"
+    if len(found) == 1:
+        return found[0]
+    return f"[{', '.join(found)}{', ...' * (np.size(values) > 8)}]"

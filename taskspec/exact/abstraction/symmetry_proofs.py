@@ -47,7 +47,10 @@ class SymmetryCheck:
         """Return it as plain data for JSON."""
         status = "false"
         if self.problem is None:
-            status = "proved" if self.is_proved else "tested"
+            if self.is_proved:
+                status = "proved"
+            else:
+                status = "tested"
         return {"symmetry": self.symmetry.name, "status": status, "detail": self.problem or "", "points": self.points}
 
 

@@ -115,7 +115,10 @@ class _Comparison:
 
     def found(self, with_expert: bool) -> str | None:
         is_timed = self.steps.uses_time or self.other_steps.uses_time
-        times = (self.whole.horizon or 1) if is_timed else 1
+        if is_timed:
+            times = self.whole.horizon or 1
+        else:
+            times = 1
         for model, steps in ((self.whole, self.steps), (self.other, self.other_steps)):
             if model.n_states * model.n_actions * steps.branching * times > MOST:
                 raise Uncompared("there are too many steps to compare")

@@ -138,7 +138,10 @@ def check_task(file: File, variant: str | None, prove: Callable[[Task], Report])
     method = report.method
     how = f"{method.points:,} samples"
     if method.exact:
-        how = f"all {method.points:,} points" if method.points else "bounds"
+        if method.points:
+            how = f"all {method.points:,} points"
+        else:
+            how = "bounds"
     return Checked(
         task.name, variant, report.diagnostics, how, time.perf_counter() - start, task.id, task, str(method),
         len(report.cases), report.accepted, report.examples, len(report.wrong_examples),

@@ -186,7 +186,10 @@ def _check_step(model: Model, step: Step, t: int) -> None:
     for rows, message in problems:
         action, state = np.nonzero(rows.reshape(shape) & model.acting)
         if len(state):
-            when = f" at t = {t}" if model.is_timed else ""
+            if model.is_timed:
+                when = f" at t = {t}"
+            else:
+                when = ""
             place = f"{model.state_name(int(state[0]))} with {model.action_name(int(action[0]))}{when}"
             refuse(f"{message}, from {place}")
     step.R[wrong] = 0.0
@@ -248,7 +251,10 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
     while True:
         if limit is not None and entered.size > limit:
             costs = f", {each}" if each else ""
-            remedy = f"choose smaller parameters, or: {hint}" if hint else None
+            if hint:
+                remedy = f"choose smaller parameters, or: {hint}"
+            else:
+                remedy = None
             too_large(f"more than {limit:,} states can be reached{costs}", remedy)
         if not len(level) or t == horizon:
             return Visits(acting.all(), entered.all())
@@ -256,7 +262,10 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
         acting.add(level)
         going, ended = successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
         entered.add(union([going, ended]))
-        level = going if steps.uses_time else acting.without(going)
+        if steps.uses_time:
+            level = going
+        else:
+            level = acting.without(going)
         t += 1
 
 
@@ -362,7 +371,10 @@ def _rows(steps: Steps, codes: Array, states: Array, actions: Array, t: int) -> 
         weights[:, i] = f.weight
         ends[:, i] = f.terminal
         reward += f.weight * f.reward
-    flat = ends.reshape(-1) if steps.ends else None
+    if steps.ends:
+        flat = ends.reshape(-1)
+    else:
+        flat = None
     return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), flat, reward, lowest, highest)
 
 
@@ -419,7 +431,10 @@ def _assembled(parts: list[Rows], states: int) -> Step:
     lowest = min(part.lowest for part in parts)
     highest = max(part.highest for part in parts)
     rounding = RoundingTerms(int(counts.max(initial=0)), lowest, highest)
-    P_end = matrices[1] if len(matrices) > 1 else None
+    if len(matrices) > 1:
+        P_end = matrices[1]
+    else:
+        P_end = None
     return Step(matrices[0], P_end, reward, rounding, escaping)
 
 

@@ -264,7 +264,10 @@ class LinearForms:
             node, factor = terms[key]
             if factor != 1:
                 node = b.apply("mul", b.scalar(factor), node)
-            found = b.apply("add", found, node) if found else node
+            if found:
+                found = b.apply("add", found, node)
+            else:
+                found = node
         if found is None:
             return constant
         if isinstance(constant, Const) and not any(constant.flat):

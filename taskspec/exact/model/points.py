@@ -36,7 +36,10 @@ class Method:
             return f"sampled: {self.points:,} points"
         if not self.points:
             return "by bounds"
-        states = "" if self.states is None else f", {self.states:,} states"
+        if self.states is None:
+            states = ""
+        else:
+            states = f", {self.states:,} states"
         return f"exact: all {self.points:,} points{states}"
 
     @classmethod
@@ -70,7 +73,10 @@ class Grid:
 
     @property
     def size(self) -> int:
-        actions = 1 if self.actions is None else self.actions.size
+        if self.actions is None:
+            actions = 1
+        else:
+            actions = self.actions.size
         return self.states.size * actions * len(self.times or (0,))
 
     def batches(self, most: int) -> Iterator[Batch]:
@@ -198,7 +204,10 @@ class Cost:
         for node in nodes:
             if simulated and isinstance(node, Draw):
                 more_passes = PASS * (VARIATES[node.base].passes(node) - 1)
-                word = SORTED if VARIATES[node.base].sorts else WORD
+                if VARIATES[node.base].sorts:
+                    word = SORTED
+                else:
+                    word = WORD
                 self.numbers += words_of(node) * (word + more_passes)
                 self.calls += more_passes
 

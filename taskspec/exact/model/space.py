@@ -25,7 +25,9 @@ def distinct(codes: Array) -> Array:
 
 def union(parts: Sequence[Array]) -> Array:
     """Return the codes of several arrays, sorted, each once; of none, an empty array."""
-    return distinct(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
+    if parts:
+        return distinct(np.concatenate(parts))
+    return np.zeros(0, np.int64)
 
 
 class Growing:
@@ -122,7 +124,10 @@ class Space:
     def _values(self, c: Component, strides: Sequence[int], codes: Array) -> Array:
         parts = []
         for low, count, stride in zip(c.low, c.counts, strides, strict=True):
-            digits = codes // stride if stride > 1 else codes
+            if stride > 1:
+                digits = codes // stride
+            else:
+                digits = codes
             if stride * count < self.size:
                 digits = digits % count
             parts.append(digits + int(low) if low else digits)
@@ -144,7 +149,10 @@ class Space:
                     digits = digits - int(low)
                 if digits.size and (digits.min() < 0 or digits.max() >= count):
                     wrong = (digits < 0) | (digits >= count)
-                    outside = wrong if outside is None else outside | wrong
+                    if outside is None:
+                        outside = wrong
+                    else:
+                        outside = outside | wrong
                     digits = np.where(wrong, 0, digits)
                 codes = codes + (digits * stride if stride > 1 else digits)
         if outside is not None:
@@ -171,7 +179,9 @@ def plain(c: Component, value: Any) -> Any:
         return [plain(c, code) for code in value]
     if 0 <= value < len(c.domain.labels):
         return c.domain.labels[int(value)]
-    return f"label number {value}" if c.domain.values is None else "none of them"
+    if c.domain.values is None:
+        return f"label number {value}"
+    return "none of them"
 
 
 def shown(c: Component, value: Array) -> str:
@@ -208,9 +218,15 @@ def domain(c: Component) -> str:
             top += " or less"
         return f"its own range for each element, within {bottom} ... {top}"
     if high == math.inf:
-        return "a number" if low == -math.inf else f"at least {bottom}"
-    return f"at most {top}" if low == -math.inf else f"between {bottom} and {top}"
+        if low == -math.inf:
+            return "a number"
+        return f"at least {bottom}"
+    if low == -math.inf:
+        return f"at most {top}"
+    return f"between {bottom} and {top}"
 
 
 def _number(value: float) -> int | float:
-    return int(value) if abs(value) < 1e15 and value == int(value) else value
+    if abs(value) < 1e15 and value == int(value):
+        return int(value)
+    return value

@@ -141,14 +141,23 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
         yield from _expand(rest, reads, lanes, replace(so_far, drawn=drawn))
         return
     # every point once for each outcome of positive probability, the outcomes of a point side by side
-    n = lanes if so_far.origin is None else len(so_far.origin)
+    if so_far.origin is None:
+        n = lanes
+    else:
+        n = len(so_far.origin)
     possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
     point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
-    chance = p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point]
+    if p.shape[-1] == 1:
+        chance = p[outcome, 0]
+    else:
+        chance = p[outcome, point]
     weight = times(_at(so_far.weight, point), chance)
     drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
     drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
-    origin = point if so_far.origin is None else so_far.origin[point]
+    if so_far.origin is None:
+        origin = point
+    else:
+        origin = so_far.origin[point]
     yield from _expand(rest, reads, lanes, replace(so_far, weight=weight, origin=origin, drawn=drawn))
 
 
@@ -172,7 +181,10 @@ def joint_outcomes(
         Batches of values (*shape, N) of each node, points (N,) and probabilities (N,). Values may occur several times.
     """
     for branch in branches(draws(nodes), reads, lanes, numbers):
-        point = np.arange(lanes) if branch.origin is None else branch.origin
+        if branch.origin is None:
+            point = np.arange(lanes)
+        else:
+            point = branch.origin
         values = evaluate(nodes, branch.place(reads), branch.sample)
         everywhere = [np.broadcast_to(v, (*v.shape[:-1], len(point))) for v in values]
         yield everywhere, point, np.broadcast_to(branch.weight, (len(point),))
@@ -185,7 +197,10 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
         keys: columns (N,) which together tell outcomes apart.
         weight: their probabilities (N,), floats or rationals.
     """
-    order = np.lexsort(keys[::-1]) if keys else np.arange(len(weight))
+    if keys:
+        order = np.lexsort(keys[::-1])
+    else:
+        order = np.arange(len(weight))
     keys = [key[order] for key in keys]
     weight = weight[order]
     fresh = np.zeros(len(weight), np.bool_)
@@ -219,7 +234,10 @@ class Outcomes:
 
     def spread(self, lanes: int) -> tuple[Array, ...]:
         """Return points, codes, weights, rewards, ends and which are outside, (M,) each."""
-        point = np.arange(lanes) if self.origin is None else self.origin
+        if self.origin is None:
+            point = np.arange(lanes)
+        else:
+            point = self.origin
         outside = np.zeros(1, np.bool_)
         if self.outside is not None:
             outside = self.outside
@@ -254,7 +272,10 @@ class OutcomeTable(NamedTuple):
                 continue
             outcomes = steps.setdefault((row % states, row // states), {})
             outcome = (to, float(reward), bool(ends))
-            outcomes[outcome] = outcomes[outcome] + p if outcome in outcomes else p
+            if outcome in outcomes:
+                outcomes[outcome] = outcomes[outcome] + p
+            else:
+                outcomes[outcome] = p
         return steps
 
 
@@ -314,7 +335,10 @@ class Steps:
         given = self.reads(states, actions, t)
         for branch in branches(self.draws, given, lanes, numbers):
             values = evaluate(self.roots, branch.place(given), branch.sample)
-            size = lanes if branch.origin is None else len(branch.origin)
+            if branch.origin is None:
+                size = lanes
+            else:
+                size = len(branch.origin)
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
 

@@ -54,7 +54,10 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     name = policy
     if not isinstance(policy, str):
         name = getattr(policy, "__name__", type(policy).__name__)
-    found = function_of(policy) if isinstance(policy, str) else policy
+    if isinstance(policy, str):
+        found = function_of(policy)
+    else:
+        found = policy
     if hasattr(found, "predict"):
         return Predictor(task, found, deterministic=True, name=name)
     if callable(found):
@@ -109,7 +112,10 @@ class ObservationPolicy(TaskPolicy):
             values = rows[:, segment.first : segment.first + segment.size]
             if segment.starts:
                 values = values + np.array(segment.starts)
-            whole = values.astype(np.float64) if c.type.kind is Kind.REAL else np.rint(values).astype(np.int64)
+            if c.type.kind is Kind.REAL:
+                whole = values.astype(np.float64)
+            else:
+                whole = np.rint(values).astype(np.int64)
             found[c.name] = whole.T.reshape(*c.type.shape, lanes)
         return found
 
@@ -266,7 +272,10 @@ class ObservationFunction(ObservationPolicy):
         super().__init__(task, name)
         self.function = function
         self.takes_rng = "rng" in parameters(function)
-        self.rng = None if seed is None else np.random.default_rng(seed)
+        if seed is None:
+            self.rng = None
+        else:
+            self.rng = np.random.default_rng(seed)
         self.may_explore = self.takes_rng and seed is None  # each batch has the same draws while it is tabulated
 
     def act(self, batch: EpisodeBatch) -> Array:
@@ -369,7 +378,10 @@ def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
         return None
     actor.set_training_mode(False)
     found = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
-    parts = found if isinstance(found, list) else [found]
+    if isinstance(found, list):
+        parts = found
+    else:
+        parts = [found]
     if any(type(part).__name__ not in ("Categorical", "MaskableCategorical") for part in parts):
         return None
     rows = [part.probs.detach().cpu().numpy().astype(np.float64) for part in parts]

@@ -371,7 +371,10 @@ class EpsilonPolicy(NamedPolicy):
     def __init__(self, task: Task, name: str, epsilon: float) -> None:
         self.name = name
         self.epsilon = epsilon
-        self.given = "optimal" if task.annotations.expert is None else None
+        if task.annotations.expert is None:
+            self.given = "optimal"
+        else:
+            self.given = None
         self.base = named(task, self.given or "expert")
         self.task = self.base.task
         self.random = RandomPolicy(task)

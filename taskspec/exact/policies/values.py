@@ -212,7 +212,10 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     actions = results.task.action_layout
     if seen.form != "discrete" or actions.form not in ("discrete", "multi_discrete"):
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
-    first = actions.starts[0] if actions.form == "discrete" else 0
+    if actions.form == "discrete":
+        first = actions.starts[0]
+    else:
+        first = 0
     table = _by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
     is_stochastic = are_probabilities(table)
     if table.ndim == 3:
@@ -230,7 +233,9 @@ def observation_rows(task: Task, policy: Any) -> Array | None:
         table = _by_row(np.asarray(policy), seen.counts[0], actions.counts[0], actions.starts[0])
         if table.ndim == 3:
             return None
-        return table if are_probabilities(table) else greedy(table)
+        if are_probabilities(table):
+            return table
+        return greedy(table)
     probabilities = observed_probabilities(policy, task)
     if probabilities is None:
         return None

@@ -92,7 +92,10 @@ NO_FUNCTION = "of the results in a claim, `abs` and the operators of arithmetic 
 
 def holds_of_all(op: str, left: str, right: str) -> bool:
     """Return whether a comparison of two returns holds in every task: none is above the optimal one, nor below the worst."""
-    low, high = (left, right) if op == "<=" else (right, left)
+    if op == "<=":
+        low, high = (left, right)
+    else:
+        low, high = (right, left)
     are_returns = op in ("<=", ">=") and {low, high} <= {*RETURNS}
     return are_returns and (high == "optimal_return" or low == "worst_return")
 
@@ -274,7 +277,10 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         for part in s.below(expr):
             if not isinstance(part, s.Name | s.Call):
                 continue
-            name = part.id if isinstance(part, s.Name) else part.function
+            if isinstance(part, s.Name):
+                name = part.id
+            else:
+                name = part.function
             if self._is_bound(name) or name not in (*RESULTS, *FUNCTIONS):
                 continue
             if isinstance(part, s.Call) and name in ("reachable", "prefers", "influences"):
@@ -373,7 +379,10 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         known = self.results.task.process.measures
         written = given["name"]
         if not (isinstance(written, s.Name) and written.id in known):
-            hint = f"it has {', '.join(known)}" if known else "`measures:` declares them"
+            if known:
+                hint = f"it has {', '.join(known)}"
+            else:
+                hint = "`measures:` declares them"
             raise InvalidClaim("the task has no such measure", written, hint)
         results, rule = self._decided(expr, given.get("under") or self._under(expr))
         try:

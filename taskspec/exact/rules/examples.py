@@ -99,7 +99,9 @@ def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
 
 def _number(p: float | Fraction) -> str:
     ratio = small_fraction(p, 1000)
-    return f"{float(p):.6g}" if ratio is None else str(ratio)
+    if ratio is None:
+        return f"{float(p):.6g}"
+    return str(ratio)
 
 
 def outcomes(nodes: Sequence[Expression]) -> JointOutcomes | None:
@@ -140,7 +142,10 @@ def compare(asked: Consequence, collector: Collector) -> None:
         message = f"{what} is drawn in another way, which may be the same or not"
         collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
         return
-    value = "this" if expected is None else expected.in_words(asked.component)
+    if expected is None:
+        value = "this"
+    else:
+        value = expected.in_words(asked.component)
     message = f"{what} is drawn from a distribution with infinitely many outcomes, so it is not always {value}"
     collector.add("E611", asked.expr.place, message, "write the distribution")
 

@@ -407,7 +407,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         if key not in self._known:
             values = self.scores.values(learner, task, side, NUMBERS[name].entry)
             found = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
-            self._known[key] = Estimate.exactly(found.value) if self.of_means else found
+            if self.of_means:
+                self._known[key] = Estimate.exactly(found.value)
+            else:
+                self._known[key] = found
         return self._known[key]
 
     def _member(self, expr: s.Expr, kind: str) -> str:

@@ -245,7 +245,10 @@ def difficulty(task: TaskLike | Results, names: Sequence[str] | None = None) -> 
             misused(
                 f"there is no measure '{name}'", suggest(name, list(MEASURES)) or f"there are: {', '.join(MEASURES)}"
             )
-    results = task if isinstance(task, Results) else Results(task)
+    if isinstance(task, Results):
+        results = task
+    else:
+        results = Results(task)
     measured: dict[str, float | None] = {}
     why_not: dict[str, str] = {}
     for name in chosen:

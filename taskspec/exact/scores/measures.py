@@ -108,7 +108,10 @@ class RandomSteps:
         self._known: dict[int, StepOutcomes] = {}
         if self.steps.branching == np.inf:
             refuse("rewards are drawn from a distribution that has infinitely many outcomes")
-        times = (model.horizon or 1) if self.steps.uses_time else 1
+        if self.steps.uses_time:
+            times = model.horizon or 1
+        else:
+            times = 1
         size = times * model.n_states * model.n_actions * self.steps.branching
         if size > limits().seconds * LISTING_RATE:
             refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / LISTING_RATE))

@@ -90,7 +90,10 @@ def hidden_bits(model: Model) -> float:
     is_timed = reads_time(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
-    visits = list(visits_by_time(model, uniform_plan(model), model.horizon or 0)) if is_timed else [_visits(model)]
+    if is_timed:
+        visits = list(visits_by_time(model, uniform_plan(model), model.horizon or 0))
+    else:
+        visits = [_visits(model)]
     outcomes = outcome_count(nodes)
     if outcomes == np.inf:
         refuse("the noise on what is seen of a state has infinitely many outcomes")

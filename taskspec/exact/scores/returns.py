@@ -111,7 +111,10 @@ class Return:
         found = np.asarray(returns, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # returns, or their squares, may be infinite
             mean = float(found.mean())
-            deviation = float(found.std(ddof=1)) if len(found) > 1 else math.inf
+            if len(found) > 1:
+                deviation = float(found.std(ddof=1))
+            else:
+                deviation = math.inf
         error = deviation / math.sqrt(len(found))
         return cls(mean, math.inf if math.isnan(error) else error, len(found))
 
@@ -325,7 +328,10 @@ class Results(InNotebooks):
             try:
                 found = self._enclosed(which, as_written)
             except (SpecError, NoNumber) as error:
-                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+                if isinstance(error, SpecError):
+                    self.unsettled = error.diagnostics[0].message
+                else:
+                    self.unsettled = str(error)
                 found = None
             self._enclosures[key] = found
         return self._enclosures[key]
@@ -357,7 +363,10 @@ class Results(InNotebooks):
                 choose = by_expert(self.task)
             elif which == "random" and is_bounded(self.task):
                 choose = at_random(self.task)
-            self._samples[key] = None if choose is None else self.estimated(choose, episodes)
+            if choose is None:
+                self._samples[key] = None
+            else:
+                self._samples[key] = self.estimated(choose, episodes)
         return self._samples[key]
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:

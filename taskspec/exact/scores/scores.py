@@ -154,7 +154,10 @@ def read_returns(path: Path) -> list[float]:
         raise spec_error("E710", f"there is no file '{path}'")
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
-        values = _from_json(text) if path.suffix == ".json" else _from_csv(text)
+        if path.suffix == ".json":
+            values = _from_json(text)
+        else:
+            values = _from_csv(text)
     except (ValueError, TypeError, KeyError, IndexError):
         values = []
     if not values:

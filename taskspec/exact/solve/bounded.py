@@ -134,7 +134,10 @@ class ExpectationError:
             return Bound(value, is_signed=of.is_signed, least=of.least)
         absolute = of.absolute * (1 + self.relative) + self.absolute * size
         relative = of.relative + self.relative + of.relative * self.relative
-        smallest = of.least if of.is_signed else size
+        if of.is_signed:
+            smallest = of.least
+        else:
+            smallest = size
         least = smallest * self.least
         if least < UNDERFLOW:
             absolute += UNDERFLOW

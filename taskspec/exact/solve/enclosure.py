@@ -34,7 +34,10 @@ class Enclosure:
         """Return a known number. NoNumber: nan."""
         if value != value:
             raise NoNumber("this is not a number")
-        end = value if value in (math.inf, -math.inf) else Fraction(value)
+        if value in (math.inf, -math.inf):
+            end = value
+        else:
+            end = Fraction(value)
         return cls(end, end)
 
     @classmethod

@@ -91,7 +91,10 @@ class OutcomeLists:
         for (s, a), outcomes in steps.items():
             if self._model.acting[s]:
                 paid = tuple(Outcome(p, to, self._read(reward), ends) for (to, reward, ends), p in outcomes.items())
-                listed[s, a] = paid if self._as_paid else merged(paid)
+                if self._as_paid:
+                    listed[s, a] = paid
+                else:
+                    listed[s, a] = merged(paid)
         return listed
 
 

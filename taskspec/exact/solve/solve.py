@@ -112,7 +112,10 @@ def extreme(numbers: Any, largest: bool) -> Any:
         from taskspec.exact.solve.kernels_numba import extreme_values
 
         return extreme_values(numbers, largest)
-    choose = numbers.top if largest else numbers.bottom
+    if largest:
+        choose = numbers.top
+    else:
+        choose = numbers.bottom
 
     def chosen(t: int, q: Any) -> Any:
         tell(f"planning, step {t + 1:,} of {numbers.horizon:,}")

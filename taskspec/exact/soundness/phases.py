@@ -173,8 +173,14 @@ class PhaseBuilder:
             is_exact = outcomes <= self.limit and not read
             return CheckPhase(task, name, merged if is_exact else left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
-            actions = Space(task.action, Role.ACTION) if name == "step" else None
-            times = self._times(name) if TIME in read else None
+            if name == "step":
+                actions = Space(task.action, Role.ACTION)
+            else:
+                actions = None
+            if TIME in read:
+                times = self._times(name)
+            else:
+                times = None
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
@@ -184,7 +190,10 @@ class PhaseBuilder:
         return CheckPhase(task, name, left, self._samples(name == "observation"), False)
 
     def _times(self, name: str) -> range:
-        last = MANY_TIMES if self.task.horizon is None else self.task.horizon
+        if self.task.horizon is None:
+            last = MANY_TIMES
+        else:
+            last = self.task.horizon
         return range(last + (name == "observation"))
 
     def _samples(self, ends: bool) -> Samples:
@@ -192,7 +201,10 @@ class PhaseBuilder:
         task = self.task
         rng = np.random.default_rng(1)
         actions = [(Role.ACTION, c) for c in task.action]
-        known = self.visited.entered if ends else self.visited.acting
+        if ends:
+            known = self.visited.entered
+        else:
+            known = self.visited.acting
         points = columns([known, resampled(known, actions, rng)])
         has_reals = any(c.type.kind is Kind.REAL for c in task.state)
         if has_reals and total_size(task.state) > 1:
@@ -237,7 +249,10 @@ def _expert_checks(task: Task) -> list[Check]:
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
     """Return the expressions of a section with their names."""
     found = task.source.surface.sections.get(section)
-    pairs = list(found.items()) if isinstance(found, dict) else [(None, found)]
+    if isinstance(found, dict):
+        pairs = list(found.items())
+    else:
+        pairs = [(None, found)]
     return [(name, expr) for name, expr in pairs if expr is not None]
 
 
@@ -293,7 +308,10 @@ class _Parameters:
             nodes[name] = node
             if not isinstance(node, Const):
                 argument = arguments[name]
-                code = "E402" if argument.is_probability else "E408"
+                if argument.is_probability:
+                    code = "E402"
+                else:
+                    code = "E408"
                 low = argument.low + argument.open * LEAST
                 yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", expr)
         if {"low", "high"} <= nodes.keys():
@@ -360,7 +378,10 @@ class Examination:
     def batches(self) -> Iterator[Batch]:
         cost = Cost(self.roots)
         if self.phase.name == "start":
-            lanes = 1 if len(self.enumerated) == len(self.draws) else STARTS
+            if len(self.enumerated) == len(self.draws):
+                lanes = 1
+            else:
+                lanes = STARTS
             yield Batch({}, cost.batch(lanes), None, True)
             return
         outcomes = max(1.0, count(self.enumerated, {}))
@@ -371,7 +392,10 @@ class Examination:
         """Yield checks that fail in a batch: the branch, where (M,) it fails, and the values."""
         words = self.rng.integers(0, 2**32, (self.layout.count, batch.lanes), dtype=np.uint32)
         for branch in branches(self.enumerated, batch.reads, batch.lanes):
-            here = words if branch.origin is None else words[:, branch.origin]
+            if branch.origin is None:
+                here = words
+            else:
+                here = words[:, branch.origin]
             values = iter(evaluate(self.roots, branch.place(batch.reads), partial(self._sample, branch, here)))
             for check in self.phase.checks:
                 guards = [next(values) for _ in check.guards]
@@ -450,7 +474,10 @@ class Examination:
     def _seen(self) -> Array:
         """States of a few episodes, for tasks in which the search for all of them costs too much."""
         episodes = visited(self.task)
-        found = episodes.entered if self.phase.name == "observation" else episodes.acting
+        if self.phase.name == "observation":
+            found = episodes.entered
+        else:
+            found = episodes.acting
         space = Space(self.task.state, Role.STATE)
         return distinct(space.encode([found[c.read] for c in self.task.state], found[TIME].shape[-1])[0])
 

@@ -80,7 +80,9 @@ def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
     for part, conditions in _alternatives(expr, section):
         known = [c for c in conditions if c is not None and not draws([c])]
         if all(value.reshape(-1)[0] for value in evaluate(known, reads)):
-            return narrow(part, section, reads) if len(known) == len(conditions) else expr
+            if len(known) == len(conditions):
+                return narrow(part, section, reads)
+            return expr
     return expr
 
 
@@ -111,8 +113,14 @@ def _alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
 def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope) -> Iterator[Alternative]:
     others: tuple[Node | None, ...] = ()
     for row in sorted(rows, key=lambda row: row.key is None):  # `else` comes last
-        node = None if row.key is None else section.row(by[0], row.key)
-        conditions = others if row.key is None else (node,)
+        if row.key is None:
+            node = None
+        else:
+            node = section.row(by[0], row.key)
+        if row.key is None:
+            conditions = others
+        else:
+            conditions = (node,)
         others = (*others, section.negated(node))
         if not isinstance(row.body, tuple):
             yield row.body, conditions

@@ -185,7 +185,10 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
     if number is not None:
         section, value = number
         places = [expr.place for _, expr in entries(task, section)]
-        size = "large" if value > 1 else "close to 0"
+        if value > 1:
+            size = "large"
+        else:
+            size = "close to 0"
         message = f"the {section} has the number {number_words(value)}, which is too {size}"
         collector.add("E411", next(iter(places), None), message, "choose another unit, or write 0")
     return Soundness(collector.diagnostics, Method.joined(methods))

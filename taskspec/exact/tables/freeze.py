@@ -137,7 +137,10 @@ def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tupl
     @cache
     def seen_at(t: int) -> list[tuple[float, ...]]:
         rows = reader.observe(states_of(model), t, np.random.default_rng(0))
-        parts = list(rows.values()) if isinstance(rows, dict) else [rows]
+        if isinstance(rows, dict):
+            parts = list(rows.values())
+        else:
+            parts = [rows]
         flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
         return [tuple(row) for row in flat.tolist()]
 

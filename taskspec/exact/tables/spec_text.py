@@ -133,7 +133,10 @@ def _next_states(task: FrozenTask) -> Entries:
             if not outcomes:
                 continue
             pairs = [(task.states[outcome.state], outcome.probability) for outcome in outcomes]
-            entries[task.states[s], task.actions[a], ""] = "s" if stays else _distribution(pairs)
+            if stays:
+                entries[task.states[s], task.actions[a], ""] = "s"
+            else:
+                entries[task.states[s], task.actions[a], ""] = _distribution(pairs)
     return entries
 
 

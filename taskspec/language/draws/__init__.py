@@ -361,7 +361,10 @@ def poisson_table(rate: float) -> tuple[int, tuple[int, ...]]:
     The weights run down and up from the mode by + * / alone, so the table is the same everywhere;
     it holds every count that has a word. The rate is limited to [0, 100000], NaN to 0.
     """
-    rate = min(rate, Limits.poisson) if rate > 0 else 0.0
+    if rate > 0:
+        rate = min(rate, Limits.poisson)
+    else:
+        rate = 0.0
     mode = int(rate)
     below: list[float] = []
     weight = 1.0

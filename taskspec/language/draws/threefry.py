@@ -157,7 +157,10 @@ def lanes_block(seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int,
     """
     lanes = len(seeds)
     slots = _slots(count)
-    result = np.empty((count, lanes), np.uint32) if out is None else out
+    if out is None:
+        result = np.empty((count, lanes), np.uint32)
+    else:
+        result = out
     k0 = seeds.astype(np.uint32)
     k1 = (seeds >> np.uint64(32)).astype(np.uint32)
     n = _uint32(n)

@@ -380,7 +380,10 @@ def _may_be_drawn(
         return any(0 < weight < 1 for weight in weights)
     if not may_be_label(key, scope):
         return True
-    label = key.value if isinstance(key, s.Quoted) else key.place.written
+    if isinstance(key, s.Quoted):
+        label = key.value
+    else:
+        label = key.place.written
     if want is not None:
         return label in want.labels
     return column.domain is None or label not in column.domain.labels
@@ -398,7 +401,10 @@ def _leaves(
     leaves: list[tuple[tuple[_Key, ...], s.Expr]] = []
     seen: set[_Key] = set()
     for row in rows:
-        key = None if row.key is None else _key(checker, row.key, column, scope)
+        if row.key is None:
+            key = None
+        else:
+            key = _key(checker, row.key, column, scope)
         if row.key is not None and key in seen:
             checker.fail("E309", row.key, f"the row '{column.shown(key or 0)}' is given twice")
         seen.add(key)
@@ -487,7 +493,10 @@ class _Table:
             row, start = entered
             assert isinstance(row.body, tuple)
             rows = row.body
-            place = row.place if row.key is None else row.key.place
+            if row.key is None:
+                place = row.place
+            else:
+                place = row.key.place
         return place
 
     def look_up(self, cells: Sequence[Node]) -> Node:

@@ -138,7 +138,10 @@ class Runtime:
     def _best(self, rows: AnyArray, direction: int) -> AnyArray:
         """Return index of the first best number; of the first element where every element is nan."""
         xp = self.xp
-        best = xp.argmin if direction > 0 else xp.argmax
+        if direction > 0:
+            best = xp.argmin
+        else:
+            best = xp.argmax
         if rows.dtype.kind in "iub":
             return best(rows, axis=0).astype(self.int)
         found = best(xp.where(rows != rows, direction * xp.inf, rows), axis=0)
@@ -164,7 +167,10 @@ class Runtime:
             return self.xp.sort(x, axis=0)
         rows = list(x)
         # Of two, fmin passes over nan and maximum keeps it: so nan moves last.
-        least = self.xp.minimum if x.dtype.kind in "iub" else self.xp.fmin
+        if x.dtype.kind in "iub":
+            least = self.xp.minimum
+        else:
+            least = self.xp.fmin
         for i, j in network(n):
             rows[i], rows[j] = least(rows[i], rows[j]), self.xp.maximum(rows[i], rows[j])
         return self.xp.stack(rows)
@@ -259,7 +265,10 @@ def evaluate(
     with np.errstate(all="ignore"):
         for place, operation, args in plan.steps:
             found = [values[i] for i in args]
-            values[place] = sample(operation, found) if isinstance(operation, Draw) else operation(*found)
+            if isinstance(operation, Draw):
+                values[place] = sample(operation, found)
+            else:
+                values[place] = operation(*found)
     return [values[i] for i in plan.roots]
 
 

@@ -165,8 +165,14 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """Return one more than an index drawn with the probabilities of failures; the last one collects all rarer than RARE."""
     p = b.cast(a["p"], Kind.REAL)
-    least = min(map(float, p.flat), default=1.0) if isinstance(p, Const) else b.bounds(p)[0]
-    most = Limits.waiting if isinstance(p, Const) else Limits.trials
+    if isinstance(p, Const):
+        least = min(map(float, p.flat), default=1.0)
+    else:
+        least = b.bounds(p)[0]
+    if isinstance(p, Const):
+        most = Limits.waiting
+    else:
+        most = Limits.trials
     counts = math.inf
     if least >= 1:
         counts = 1

@@ -138,7 +138,10 @@ def rewrite(roots: Iterable[Expression], replacements: Mapping[int, Node], remak
         replaced = replacements.get(id(node))
         if replaced is None:
             args = tuple(done[id(child)] for child in children(node))
-            replaced = node if all(a is b for a, b in zip(args, children(node), strict=True)) else remake(node, args)
+            if all(a is b for a, b in zip(args, children(node), strict=True)):
+                replaced = node
+            else:
+                replaced = remake(node, args)
         done[id(node)] = replaced
     return tuple(done[id(root)] for root in roots)
 
@@ -154,4 +157,6 @@ def exact(value: Any, kind: Kind) -> Any:
 
 def plain(value: Any) -> Any:
     """Return a constant's scalar as a bool, int or float: what leaves the compiler."""
-    return float(value) if type(value) is Fraction else value
+    if type(value) is Fraction:
+        return float(value)
+    return value

@@ -111,7 +111,10 @@ def unroll(
         if not clauses:
             return [element(scope)]
         clause = clauses[0]
-        want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
+        if len(clause.targets) == 1:
+            want = wants.get(clause.targets[0])
+        else:
+            want = None
         points = _candidates(checker, clause, scope, want)
         _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
         checker.expand(expr, len(points.rows))
@@ -270,7 +273,10 @@ def _kind(array: Array) -> Kind:
 
 
 def _constant(checker: BaseChecker, array: Array) -> Const:
-    value = array.item() if array.ndim == 0 else array.ravel().tolist()
+    if array.ndim == 0:
+        value = array.item()
+    else:
+        value = array.ravel().tolist()
     return checker.builder.const(value, Type(_kind(array), array.shape))
 
 
@@ -302,7 +308,10 @@ class _Side:
     @cached_property
     def parts(self) -> list[_Side]:
         """The elements of a vector that is written out, sides themselves."""
-        items = self.expr.items if isinstance(self.expr, s.Vector) else ()
+        if isinstance(self.expr, s.Vector):
+            items = self.expr.items
+        else:
+            items = ()
         return [_Side(self.checker, item, self.scope) for item in items]
 
     @property

@@ -70,7 +70,10 @@ class ModifierArgument:
                 return "a name"
             case "expression":
                 return "an expression"
-        words = "an int" if self.kind == "int" else "a number"
+        if self.kind == "int":
+            words = "an int"
+        else:
+            words = "a number"
         if math.isinf(self.low):
             return words
         if math.isinf(self.high):

@@ -175,7 +175,10 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
     few = few_rewards(b, task)
     (name,) = core.fresh(["earned"], core.names_in(task))
-    counted = None if few is None else _in_units(b, task, few, name)
+    if few is None:
+        counted = None
+    else:
+        counted = _in_units(b, task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
         total = b.apply("add", b.read(Role.STATE, name, REAL), task.process.reward)

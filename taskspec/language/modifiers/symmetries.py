@@ -73,7 +73,10 @@ def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[
         for i in part.outputs if part.is_decided else ():
             own = ends[: made[i].type.size]
             ends = ends[made[i].type.size :]
-            low, high = zip(*own, strict=True) if own else ((), ())
+            if own:
+                low, high = zip(*own, strict=True)
+            else:
+                low, high = ((), ())
             made[i] = replace(made[i], low=low, high=high)
     return made
 
@@ -130,8 +133,14 @@ def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Nod
     flat = [element for node in given for element in core.elements(b, node)]
     own: dict[int, Node] = {}
     for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
-        moved = b.apply("sub", node, b.scalar(int(shift))) if shift else node
-        own[int(source)] = b.apply("neg", moved) if sign < 0 else moved
+        if shift:
+            moved = b.apply("sub", node, b.scalar(int(shift)))
+        else:
+            moved = node
+        if sign < 0:
+            own[int(source)] = b.apply("neg", moved)
+        else:
+            own[int(source)] = moved
     found = []
     at = 0
     for c in components:

@@ -50,7 +50,10 @@ class ExpressionWriter(Writer):
             case s.Quoted(value=word):
                 return Piece(self.notation.label(word, self.of) or label(word))
             case s.Name(id=name, primed=primed):
-                found = None if primed else self.notation.label(name, self.of)
+                if primed:
+                    found = None
+                else:
+                    found = self.notation.label(name, self.of)
                 return Piece(found or prime(self.notation.symbol(name), primed))
             case s.Unary():
                 return self._unary(expr)
@@ -156,14 +159,20 @@ class ExpressionWriter(Writer):
             signed = expr.function == "dot" and _leads(pieces[0], trees[0])
             return applied(expr.function, fill(function.latex, holes), signed)
         if expr.function in self.notation.events:  # a probability, or the expectation of a measure; the policy is below
-            first = "condition" if expr.function == "probability" else "name"
+            if expr.function == "probability":
+                first = "condition"
+            else:
+                first = "name"
             given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
             if "under" in given:
                 policy = text(given["under"])
             else:
                 policy = self.notation.events[expr.function]
             head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
-            inner = self.truth(given[first]) if first == "condition" else self.number(given[first])
+            if first == "condition":
+                inner = self.truth(given[first])
+            else:
+                inner = self.number(given[first])
             return Piece(m.Row((head, m.brackets(inner.tree))))
         arguments = m.brackets(m.joined(self.numbers(expr.args)))
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))

@@ -80,7 +80,10 @@ def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
 
 
 def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
-    inner = replace(w, of=column.id) if isinstance(column, s.Name) else w
+    if isinstance(column, s.Name):
+        inner = replace(w, of=column.id)
+    else:
+        inner = w
     left, *trees = operands("compare", map(inner.number, [column, *keys]))
     if len(trees) == 1:
         return m.Row((left, m.Sym("="), trees[0]))
@@ -237,7 +240,10 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
     if len(call.args) != 3:
         return None
     test, then, otherwise = call.args
-    found = pointwise(w, call) if rank(w, test) else None
+    if rank(w, test):
+        found = pointwise(w, call)
+    else:
+        found = None
     if found is None:
         return w.piece(s.IfElse(test, then, otherwise, call.place))
     of, index, inner = found  # a vector as a family of its elements, with their index below
@@ -313,7 +319,9 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 
 def _integer(value: int) -> m.Math:
     number = m.Num(str(abs(value)))
-    return m.Row((m.Sym("−"), number)) if value < 0 else number
+    if value < 0:
+        return m.Row((m.Sym("−"), number))
+    return number
 
 
 def _int(tree: m.Math) -> int | None:
@@ -369,7 +377,10 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
     """Return `x % n == 0` as a congruence."""
     match expr:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
-            sign = m.Sym("≡") if op == "==" else m.Sym("≢")
+            if op == "==":
+                sign = m.Sym("≡")
+            else:
+                sign = m.Sym("≢")
             left, right = operands("congruence", [w.number(x), w.number(n)])
             modulus = m.brackets(m.Row((m.upright("mod"), m.Gap(), right)))
             return m.Row((left, sign, m.Num("0"), m.Gap("thin"), m.Gap("thin"), modulus))

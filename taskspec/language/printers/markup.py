@@ -231,10 +231,16 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Accent(mark=mark, body=body):
             return f'<mover accent="true">{_element(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
         case m.Script(base=base, sub=sub, sup=sup, primes=primes):
-            above = None if sup is None else _element(sup)
+            if sup is None:
+                above = None
+            else:
+                above = _element(sup)
             if primes:
                 marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
-                above = marks if above is None else f"<mrow>{marks}{above}</mrow>"
+                if above is None:
+                    above = marks
+                else:
+                    above = f"<mrow>{marks}{above}</mrow>"
             return _scripted("sub", "sup", _element(base), sub, above)
         case m.Fence(left=left, body=body, right=right):
             return _fenced(left, _element(body), right, m.is_tall(body))
@@ -245,7 +251,10 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Arrow(over=over):
             return f'<mover><mo stretchy="false">⟶</mo><mrow>{_EN}{_element(over)}{_EN}</mrow></mover>'
         case m.Big(symbol=symbol, sub=sub, sup=sup):
-            above = None if sup is None else _element(sup)
+            if sup is None:
+                above = None
+            else:
+                above = _element(sup)
             return _scripted("under", "over", f"<mo>{html.escape(symbol)}</mo>", sub, above)
         case m.Hole(name=name):
             return f"<mtext>{html.escape(name)}</mtext>"

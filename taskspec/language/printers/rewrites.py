@@ -44,9 +44,14 @@ def _literal(value: Any, place: s.Place) -> s.Expr | None:
         return s.Boolean(value, place)
     if not isinstance(value, int | float) or value != value:
         return None
-    digits = f"{abs(value):.10g}" if isinstance(value, float) else str(abs(value))
+    if isinstance(value, float):
+        digits = f"{abs(value):.10g}"
+    else:
+        digits = str(abs(value))
     number = s.Number(abs(value), digits, place)
-    return s.Unary("-", number, place) if value < 0 else number
+    if value < 0:
+        return s.Unary("-", number, place)
+    return number
 
 
 def _fold(node: Any) -> Any:
@@ -57,7 +62,9 @@ def _fold(node: Any) -> Any:
     b = _integer(node.right)
     if a is not None and b is not None:
         value = _compute(node.op, a, b)
-        return node if value is None else _literal(value, node.place)
+        if value is None:
+            return node
+        return _literal(value, node.place)
     if (node.op, a) in (("*", 1), ("+", 0)):
         return node.right
     if (node.op, b) in (("*", 1), ("+", 0), ("-", 0)):
@@ -192,7 +199,9 @@ def _axes_of_distribution(w: Writer, call: s.Call) -> int:
     given = dict(call.keywords)
     shape = given.pop("shape", None)
     if shape is not None:
-        return len(shape.items) if isinstance(shape, s.Vector) else 1
+        if isinstance(shape, s.Vector):
+            return len(shape.items)
+        return 1
     dist = DISTS.get(call.function)
     if dist is not None and not dist.shaped:
         return 1

@@ -63,7 +63,10 @@ def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
             arguments = [*map(text, args), *(f"{name}={text(value)}" for name, value in keywords)]
             return f"{function}({', '.join(arguments)})", NAME
         case s.Subscript(value=value, indices=indices):
-            base = f"({text(value)})" if isinstance(value, s.Number) else _operands("subscript", value)[0]
+            if isinstance(value, s.Number):
+                base = f"({text(value)})"
+            else:
+                base = _operands("subscript", value)[0]
             return f"{base}[{', '.join(map(_index, indices))}]", NAME
         case s.Vector() | s.SetOf() | s.Weights() | s.Comprehension():
             return _display(expr), NAME
@@ -117,7 +120,10 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
     branches = []
     last = None
     for row in rows:
-        body = _as_conditional(by[1:], row.body, place) if isinstance(row.body, tuple) else row.body
+        if isinstance(row.body, tuple):
+            body = _as_conditional(by[1:], row.body, place)
+        else:
+            body = row.body
         if row.key is None:
             last = body
         else:

@@ -126,7 +126,9 @@ Math = (
 
 
 def row(*items: Math) -> Math:
-    return items[0] if len(items) == 1 else Row(items)
+    if len(items) == 1:
+        return items[0]
+    return Row(items)
 
 
 def joined(items: Iterable[Math], mark: str = ",") -> Math:

@@ -135,7 +135,10 @@ def _read_text(text: str, name: str) -> Document:
     origin = Origin(name, text)
     lines = _line_starts(text)
     early = list(_before_reading(text))
-    root, findings = (None, early) if early else _compose(text)
+    if early:
+        root, findings = (None, early)
+    else:
+        root, findings = _compose(text)
     collector = Collector()
     for each in islice(findings, _MAX_FINDINGS):
         collector.add(each.code, span(origin, lines, each.start, each.end), each.message, each.hint)

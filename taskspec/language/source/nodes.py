@@ -305,7 +305,10 @@ def _escaped(text: str, at: int) -> tuple[str, int]:
     escape = _ESCAPE.match(text, at)
     assert escape is not None, "the YAML reader let a lone backslash through"
     code = escape.group()[1:]
-    char = chr(int(code[1:], 16)) if len(code) > 1 else _ESCAPES.get(code, code)
+    if len(code) > 1:
+        char = chr(int(code[1:], 16))
+    else:
+        char = _ESCAPES.get(code, code)
     return char, escape.end()
 
 

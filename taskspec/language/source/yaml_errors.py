@@ -123,7 +123,10 @@ def _colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     at = syntax.at
     if isinstance(last, nodes.MappingNode) and text[last.start] == "{":
         return _brace(text, last)
-    begin = last.start if isinstance(last, nodes.ScalarNode) else nodes.line_start(text, at)
+    if isinstance(last, nodes.ScalarNode):
+        begin = last.start
+    else:
+        begin = nodes.line_start(text, at)
     if not syntax.open:
         return _colon_missing(text, begin)
     this_line = nodes.line_start(text, at)

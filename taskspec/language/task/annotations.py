@@ -66,7 +66,10 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     """Return a column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
     if at is None:
         return ()
-    whole = None if isinstance(at, list) else context.forms.expr(path)
+    if isinstance(at, list):
+        whole = None
+    else:
+        whole = context.forms.expr(path)
     parts: Sequence[s.Expr | None] = [whole]
     if isinstance(at, list):
         parts = [context.forms.expr((*path, i)) for i in range(len(at))]
@@ -77,9 +80,15 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     if len(found) < len(nodes):
         return ()
     inner = next((node.type.shape for node in found if node.type.shape), ())
-    shape = inner if parts == [whole] else (len(found), *inner)
+    if parts == [whole]:
+        shape = inner
+    else:
+        shape = (len(found), *inner)
     if shape not in [(n,) for n in sizes]:
-        more = ", or four with the way that it faces" if 4 in sizes else ""
+        if 4 in sizes:
+            more = ", or four with the way that it faces"
+        else:
+            more = ""
         context.report("E307", path, f"a place is two numbers{more}, but this has shape {list(shape)}")
     return found
 

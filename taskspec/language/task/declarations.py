@@ -113,12 +113,18 @@ def _bind_parameter(
     path: Path = ("parameters", name)
     entry = context.data["parameters"][name]
     kind = entry.get("type", "real")
-    labels = None if entry.get("values") is None else tuple(entry["values"])
+    if entry.get("values") is None:
+        labels = None
+    else:
+        labels = tuple(entry["values"])
     try:
         low = _parameter_bound(context, "low", path, scope)
         high = _parameter_bound(context, "high", path, scope)
         default = _default(context, entry, path, labels, scope)
-        domain = _domain(context, entry, path, scope) if kind == "choice" else None
+        if kind == "choice":
+            domain = _domain(context, entry, path, scope)
+        else:
+            domain = None
         asked = given.get(name, default)
         value = default
         if name in given:
@@ -176,7 +182,10 @@ def _converted(context: Context, name: str, value: Any, kind: str, labels: Any) 
         return value
     found = convert(value, kind)
     if found is None:
-        wanted = article(kind) if kind != "choice" else f"one of {', '.join(map(str, labels))}"
+        if kind != "choice":
+            wanted = article(kind)
+        else:
+            wanted = f"one of {', '.join(map(str, labels))}"
         context.collector.add("E703", None, f"parameter {name} must be {wanted}, not {brief(value)}")
         raise Poisoned
     return found
@@ -249,7 +258,10 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
     """Return a text grid: the legend gives the value of every character."""
     is_block = isinstance(value["grid"], str)
-    lines = value["grid"].splitlines() if is_block else value["grid"]
+    if is_block:
+        lines = value["grid"].splitlines()
+    else:
+        lines = value["grid"]
     legend = {}
     for key in value["legend"]:
         legend[str(key)] = context.checker.constant(context.expr((*path, "legend", key)), scope, "a legend's value")
@@ -378,7 +390,10 @@ def bound(context: Context, key: str, path: Path, type_: Type, scope: Scope) -> 
 def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:
     values = entry["values"]
     here: Path = (*path, "values")
-    symbols = None if entry.get("symbols") is None else tuple(entry["symbols"])
+    if entry.get("symbols") is None:
+        symbols = None
+    else:
+        symbols = tuple(entry["symbols"])
     labels = tuple(map(str, values))
     if isinstance(values, list):
         return Domain(labels, symbols=symbols)

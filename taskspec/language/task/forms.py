@@ -58,7 +58,10 @@ class Forms:
 
     def report(self, problem: Problem, path: Path) -> None:
         """Report a problem in the value at a path."""
-        place = self.merged.key_span if problem.of_key else self.merged.span
+        if problem.of_key:
+            place = self.merged.key_span
+        else:
+            place = self.merged.span
         self.collector.add(problem.code, place((*path, *problem.path)), problem.message, problem.hint)
 
     def tree(self, value: Tree, path: Path) -> s.Expr | None:
@@ -217,7 +220,10 @@ class Forms:
     def _table(self, value: dict[str, Any], path: Path) -> s.Expr | None:
         is_table = self._has_keys(value, ("by", "rows"), "E208", "table", path)
         by = value.get("by")
-        entries = by if isinstance(by, list) else [by]
+        if isinstance(by, list):
+            entries = by
+        else:
+            entries = [by]
         if not entries or not all(isinstance(each, str) and each for each in entries):
             if "by" in value:
                 problem = Problem("E208", (), "`by` lists what the table looks at", "for example `by: [s, a]`")
@@ -241,7 +247,10 @@ class Forms:
         result: list[s.TableRow] = []
         for key, cell in rows.items():
             here = (*path, key)
-            label = None if key == "else" else self.key(key, here)
+            if key == "else":
+                label = None
+            else:
+                label = self.key(key, here)
             body = self._cell(cell, depth, here)
             if body is not None and (label is not None or key == "else"):
                 result.append(s.TableRow(label, body, self.place(here)))

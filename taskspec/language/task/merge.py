@@ -113,7 +113,10 @@ def merge(document: Document, variant: str | None = None) -> Merged:
         SpecError: when there is no such variant, or variants are based on each other in a circle.
     """
     name = str(document.data.get("name", ""))
-    key = None if variant is None or variant == name else _key(document, variant)
+    if variant is None or variant == name:
+        key = None
+    else:
+        key = _key(document, variant)
     merged: Merged | None = None
     for step in reversed(list(lineage((document, key)))):
         document, key = step
@@ -158,7 +161,9 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
 
 
 def _root(variant: str | None) -> Path:
-    return () if variant is None else ("variants", variant)
+    if variant is None:
+        return ()
+    return ("variants", variant)
 
 
 def _sections(document: Document, variant: str | None) -> dict[str, Any]:
@@ -188,7 +193,10 @@ def _entries(
                 _move(moved, (*path, key), here)
             continue
         _move(moved, path, here)
-        result[name] = _without_nulls(value) if fields else value
+        if fields:
+            result[name] = _without_nulls(value)
+        else:
+            result[name] = value
         if value is None:
             del result[name]
     return result, strays
@@ -258,7 +266,10 @@ def _base(step: Step) -> Step | None:
     over = _sections(document, variant)
     if "extends" not in over and variant is None:
         return None
-    other = document.others[over["extends"]] if "extends" in over else document
+    if "extends" in over:
+        other = document.others[over["extends"]]
+    else:
+        other = document
     if over.get("base") is None:
         return other, None
     return other, _key(other, str(over["base"]))

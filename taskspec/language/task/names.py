@@ -135,7 +135,10 @@ class Names:
         for c in context.action:
             bindings[c.name] = context.bound(c, Role.ACTION)
             if section in _WITHOUT_ACTION:
-                where = "the expert" if section == "expert" else f"`{section}`"
+                if section == "expert":
+                    where = "the expert"
+                else:
+                    where = f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
         for c in context.memory:

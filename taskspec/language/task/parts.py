@@ -340,8 +340,14 @@ class Parameter:
     @property
     def ends(self) -> tuple[float, float]:
         """Its bounds, infinite where there are none."""
-        low = -math.inf if self.low is None else self.low
-        high = math.inf if self.high is None else self.high
+        if self.low is None:
+            low = -math.inf
+        else:
+            low = self.low
+        if self.high is None:
+            high = math.inf
+        else:
+            high = self.high
         return low, high
 
 

@@ -186,13 +186,19 @@ class Observed:
         self, name: str, value: Value, low: Sequence[float] | None = None, high: Sequence[float] | None = None
     ) -> Component:
         """Return an observed expression; `low` and `high` are declared bounds, one for each element."""
-        lows, highs = zip(*self.edges(value.node), strict=True) if value.node.type.size else ((), ())
+        if value.node.type.size:
+            lows, highs = zip(*self.edges(value.node), strict=True)
+        else:
+            lows, highs = ((), ())
         symbol = None
         doc = None
         if isinstance(value.node, Read) and value.node.role is Role.STATE:
             original = self.components[value.node.name]
             doc = original.doc
-            symbol = original.symbol if original.name == name else None
+            if original.name == name:
+                symbol = original.symbol
+            else:
+                symbol = None
         return Component(name, value.node.type, tuple(low or lows), tuple(high or highs), value.domain, symbol, doc)
 
     def edges(self, node: Node) -> Edges:
@@ -214,8 +220,14 @@ class Observed:
         """Infinite bounds replaced by those of what can be reached, unless these are so far away that they say nothing."""
         if reached is None:
             return edges
-        low = reached[0] if reached[0] >= -FAR else -math.inf
-        high = reached[1] if reached[1] <= FAR else math.inf
+        if reached[0] >= -FAR:
+            low = reached[0]
+        else:
+            low = -math.inf
+        if reached[1] <= FAR:
+            high = reached[1]
+        else:
+            high = math.inf
         ends = ((a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges)
         return [(min(pair), max(pair)) for pair in ends]  # a real that starts outside its range is an error of `check`
 

@@ -57,7 +57,10 @@ def constants(task: Task) -> dict[str, Any]:
     """Return the constants of a task; those that are drawn have the values of this instance."""
     found: dict[str, Any] = {}
     for name, value in task.constants.items():
-        found[name] = value if isinstance(value, bool | int | float) else value.tolist()
+        if isinstance(value, bool | int | float):
+            found[name] = value
+        else:
+            found[name] = value.tolist()
     return found
 
 
@@ -176,9 +179,15 @@ def domain_words(c: Component | Parameter) -> str:
         shape = ""
         low, high = c.ends
     else:
-        labels = None if c.domain is None else label_words(c.domain)
+        if c.domain is None:
+            labels = None
+        else:
+            labels = label_words(c.domain)
         kind = str(c.type.kind)
-        shape = f"[{', '.join(map(str, c.type.shape))}]" if c.type.shape else ""
+        if c.type.shape:
+            shape = f"[{', '.join(map(str, c.type.shape))}]"
+        else:
+            shape = ""
         low = c.least
         high = c.most
     if labels is not None:

@@ -114,12 +114,18 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
     """Report (E318) the lines of sections in which an int may not fit in 64 bits."""
     for section, nodes in sections.items():
         exprs = context.exprs.get(section)
-        lines = list(exprs.values()) if isinstance(exprs, dict) else [exprs]
+        if isinstance(exprs, dict):
+            lines = list(exprs.values())
+        else:
+            lines = [exprs]
         for number, node in enumerate(nodes):
             most = widest([node])
             if not most:
                 continue
-            line = lines[number] if len(lines) == len(nodes) else None
+            if len(lines) == len(nodes):
+                line = lines[number]
+            else:
+                line = None
             too_wide(context.collector, line.place if line else context.place(section), most)
             break
 
@@ -184,7 +190,10 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     """Return what the agent sees: the declared expressions, or else the state."""
     space = (context.data.get("observation") or {}).get("space", "auto")
     whole = len(initial) == len(following) == len(context.state)
-    reached = reach(context.state, initial, following, context.horizon) if whole else {}
+    if whole:
+        reached = reach(context.state, initial, following, context.horizon)
+    else:
+        reached = {}
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:

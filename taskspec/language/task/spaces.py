@@ -157,7 +157,10 @@ def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout
     most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in action for _ in range(c.type.size)]
     low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
     high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
-    shape = layout.shape if layout.shape or is_number else (1,)
+    if layout.shape or is_number:
+        shape = layout.shape
+    else:
+        shape = (1,)
     return replace(layout, shape=shape, low=low, high=high)
 
 
@@ -177,7 +180,10 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
         case "one_hot":
             return SpaceLayout(form, components, (sum(counts_of(components)),))
         case "box":
-            shape = components[0].type.shape if len(components) == 1 else (total_size(components),)
+            if len(components) == 1:
+                shape = components[0].type.shape
+            else:
+                shape = (total_size(components),)
             low = tuple(single(v) for c in components for v in c.low)
             high = tuple(single(v) for c in components for v in c.high)
             return SpaceLayout(form, components, shape, low, high)

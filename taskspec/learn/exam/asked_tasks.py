@@ -95,7 +95,10 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
         return ()
     known = {seed: _expert_actions(task, way, seed) for seed in range(1, max(TRIED, 2 * wanted) + 1)}
     varied = [seed for seed, actions in known.items() if (actions != actions[0]).any()]
-    left = varied if len(varied) >= wanted else list(known)
+    if len(varied) >= wanted:
+        left = varied
+    else:
+        left = list(known)
     chosen = [left[0]]
     while len(chosen) < wanted:
         others = [seed for seed in left if seed not in chosen]
@@ -119,5 +122,8 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 
 def _expert_actions(task: Task, way: str, seed: int) -> Array:
     twin = modify(task, way.format(seed=seed))
-    policy = "optimal" if twin.annotations.expert is None else "expert"
+    if twin.annotations.expert is None:
+        policy = "optimal"
+    else:
+        policy = "expert"
     return np.asarray(demonstrations(twin, policy, episodes=SHOWN).acts)

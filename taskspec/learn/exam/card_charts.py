@@ -169,7 +169,10 @@ def curves(row: TaskRow) -> Chart:
     lowest = min(y for curve in row.curves for _, y in curve)
     ticks = {0.0: "0", 1.0: "1"}
     if lowest <= FLOOR:
-        ticks[FLOOR] = "≤ −1" if lowest < FLOOR else "−1"
+        if lowest < FLOOR:
+            ticks[FLOOR] = "≤ −1"
+        else:
+            ticks[FLOOR] = "−1"
     with chart.style():
         figure = chart.figure(2.0, 0.95)
         axes = figure.add_axes((0.18, 0.22, 0.74, 0.7))
@@ -222,7 +225,10 @@ def _strips(named: Sequence[tuple[str, TaskRow]], lines: Sequence[tuple[str, str
             axes.axhline(i + 0.5, color=chart.PAPER, linewidth=1.2)
             _marks(axes, row, i)
             for form, x in zip(forms, places, strict=True):
-                shade = color if form == PUBLISHED else chart.INK
+                if form == PUBLISHED:
+                    shade = color
+                else:
+                    shade = chart.INK
                 axes.text(x, y, row.forms[form].words or "–", color=shade, ha="center", **where)
             if row.curves:
                 _spark(axes, row, WIDTH + COLUMN * (len(forms) + 0.3), y)

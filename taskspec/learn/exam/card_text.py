@@ -153,7 +153,10 @@ def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
         styles[i] = style
     for form, mark in ((RELABELLED, "○"), (PUBLISHED, "●")):
         if form in means:
-            cells[place(means[form])] = mark if means[form] >= FLOOR else "◂"
+            if means[form] >= FLOOR:
+                cells[place(means[form])] = mark
+            else:
+                cells[place(means[form])] = "◂"
             styles[place(means[form])] = style
     text = VisibleText()
     for cell, own in zip(cells, styles, strict=True):
@@ -168,7 +171,10 @@ def matrix_text(found: LearnerMatrix) -> Columns:
         words = []
         for cell in cells:
             style = GRADES.get(cell.grade or "", "quiet")
-            below = f"\n{cell.word}" if cell.word else ""
+            if cell.word:
+                below = f"\n{cell.word}"
+            else:
+                below = ""
             words.append(line((cell.printed.words or "·", style), (below, "quiet")))
         table.add_row(name, *words)
     return table

@@ -247,7 +247,10 @@ class Case:
 
     def spent_by(self, i: int) -> Spent:
         """Return what one seed of the block has used: what all of them did together, and what it did alone."""
-        alone = self.each[i].spent if "each" in vars(self) else Spent()
+        if "each" in vars(self):
+            alone = self.each[i].spent
+        else:
+            alone = Spent()
         return Spent(**{name: value + vars(alone)[name] for name, value in vars(self.spent).items()})
 
     def env(self) -> Metered:
@@ -286,7 +289,10 @@ class Case:
             NotGranted: when the learner is not entitled to them.
         """
         self._need("demonstrations")
-        policy = "optimal" if self._judge.annotations.expert is None else "expert"
+        if self._judge.annotations.expert is None:
+            policy = "optimal"
+        else:
+            policy = "expert"
         seed = (self.seed + 1 << 32) + (1 << 31)
         found = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
         self.spent.demonstrations = len(found)

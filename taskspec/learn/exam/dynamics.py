@@ -85,7 +85,10 @@ class Dynamics:
         """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
         rows = []
         now = self.model.start.copy()
-        steps = STEPS if self.model.horizon is None else self.model.horizon
+        if self.model.horizon is None:
+            steps = STEPS
+        else:
+            steps = self.model.horizon
         for _ in range(steps):
             rows.append(now)
             now = self.P.T @ (pi * now).reshape(-1)

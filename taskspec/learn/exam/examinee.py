@@ -84,7 +84,10 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         wanted = getattr(train, "learns_from", DEFAULT)
     else:
         wanted = learns_from
-    granted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    if isinstance(wanted, str):
+        granted = (wanted,)
+    else:
+        granted = tuple(wanted)
     for source in granted:
         if source not in SOURCES:
             hint = f"some of {', '.join(SOURCES)}"

@@ -55,7 +55,10 @@ class Planned:
 
     @property
     def name(self) -> str:
-        kind = "" if self.twin is None else f"+{'+'.join(self.twin)}"
+        if self.twin is None:
+            kind = ""
+        else:
+            kind = f"+{'+'.join(self.twin)}"
         if self.trial.negated:
             kind = " negated"
         return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
@@ -154,7 +157,9 @@ def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, 
         return tuple(range(LOOKS[-1]))
     if seeds is None:
         return tuple(range(SEEDS))
-    return tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
+    if isinstance(seeds, int):
+        return tuple(range(seeds))
+    return tuple(seeds)
 
 
 def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | None) -> int:
@@ -263,7 +268,10 @@ class _Trials:
         about = modify(task, *(twin or ()))
         terms = ExamTerms(self.granted(task), self.who.learns_from, self.transitions)
         evaluate = self._suite(task).evaluate
-        horizon = None if evaluate is None else evaluate.longer_than(task.horizon)
+        if evaluate is None:
+            horizon = None
+        else:
+            horizon = evaluate.longer_than(task.horizon)
         place = self.who.place or ""
         trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)
         return Planned(task, twin, trial)
@@ -426,7 +434,10 @@ def seeds_and_steps(
     left = seconds - (time.perf_counter() - begin)
     per_step = max(0.0, (took[1] - took[0]) / (PILOTS[1] - PILOTS[0]))
     start = max(0.0, took[0] - per_step * PILOTS[0])
-    fewest = most if is_fixed else min(most, PILOTS[0])
+    if is_fixed:
+        fewest = most
+    else:
+        fewest = min(most, PILOTS[0])
     shortest = runs * (start + per_step * fewest)
     seeds = min(SEEDS, int(left / max(shortest, 1e-9)))
     if seeds < 1:

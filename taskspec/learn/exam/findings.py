@@ -194,7 +194,10 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_act
 def _variations(
     book: RuleBook, exams: Mapping[str, Mapping[str, Any]], evaluator: ScoreEvaluator
 ) -> dict[str, ScoreEvaluator]:
-    actions = "best actions" if evaluator.scores.drawn else "drawn actions"
+    if evaluator.scores.drawn:
+        actions = "best actions"
+    else:
+        actions = "drawn actions"
     return {
         actions: _evaluator(book, exams, other_actions=True),
         f"{SLACK} easier": replace(evaluator, slack=SLACK),

@@ -118,7 +118,10 @@ def _cell(found: Mapping[str, Any]) -> str:
     if not found["evidence"]:
         return SIGNS[outcome]
     compared, sign, value = found["evidence"].partition(" = ")
-    number = f" ({found['number']} of {found['of']})" if found["of"] > 1 else ""
+    if found["of"] > 1:
+        number = f" ({found['number']} of {found['of']})"
+    else:
+        number = ""
     return f"**{outcome}**: `{compared}`{sign}{value}{number}"
 
 

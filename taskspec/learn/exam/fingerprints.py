@@ -264,7 +264,9 @@ def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[st
     is_apart = known[best] - nearest >= SAME  # where both are near, what is right explains it
     if nearest <= NEAR and nearest <= CLEARER * known[best] and is_apart:
         return [name for name, distance in wrong.items() if distance <= nearest + SAME]
-    return [best] if known[best] <= RIGHT else []
+    if known[best] <= RIGHT:
+        return [best]
+    return []
 
 
 def pooled(by_task: Iterable[Sequence[Mapping[str, float]]]) -> dict[str, float]:

@@ -121,7 +121,10 @@ def _apart(
 def _difference_flag(
     kind: Literal["twin", "peeks", "regression", "changed"], task: str, message: str, d: Difference, among: int
 ) -> Flag:
-    noun = "comparison" if among == 1 else "comparisons"
+    if among == 1:
+        noun = "comparison"
+    else:
+        noun = "comparisons"
     text = f"{message} (p = {d.p_value:.2g}, corrected for {among} {noun})"
     if d.is_together:
         text = f"{message} (p = {d.p_value:.2g} for all {among} comparisons together; this one differs most)"
@@ -147,7 +150,10 @@ def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Ex
     found: dict[tuple[str, bool], list[tuple[str, Difference]]] = defaultdict(list)
     for (task, which, name), d in compared(rows, columns, only_below).items():
         if d.is_real:
-            where = " on twins" if which == "twin" else ""
+            if which == "twin":
+                where = " on twins"
+            else:
+                where = ""
             way = "below" if d.effect < 0 else "above"
             message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
             found[task, name == SCORE].append((message, d))

@@ -57,11 +57,17 @@ def learned_fields(
     """
     found: dict[str, Any] = {}
     if demonstrations is not None and not sees_reward:
-        policy = learned.policy if isinstance(learned, Learned) else learned
+        if isinstance(learned, Learned):
+            policy = learned.policy
+        else:
+            policy = learned
         found["pairings"] = pairing_distances(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         found |= reward_fields(task, learned.reward)
-    values = learned_values(task, learned) if sees_reward else {}
+    if sees_reward:
+        values = learned_values(task, learned)
+    else:
+        values = {}
     if not values:
         return found
     was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)

@@ -79,7 +79,10 @@ def _stale_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 
 
 def _grows(s: Dynamics, learned: Array) -> float | None:
-    bound = np.abs(s.R).max() / (1 - s.gamma) if s.gamma < 1 else np.inf
+    if s.gamma < 1:
+        bound = np.abs(s.R).max() / (1 - s.gamma)
+    else:
+        bound = np.inf
     if np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)):
         return 0.0
     return None

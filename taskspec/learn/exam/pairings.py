@@ -103,5 +103,8 @@ def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -
     for name, pairing in PAIRINGS.items():
         paired = pairing(shown)
         is_apart = shown.distance(paired, shown.right) >= RIGHT
-        found[name] = shown.distance(rows, paired) if is_apart else of_right
+        if is_apart:
+            found[name] = shown.distance(rows, paired)
+        else:
+            found[name] = of_right
     return found

@@ -40,7 +40,9 @@ class SeedCell:
 
     @property
     def mean(self) -> float | None:
-        return float(np.mean(self.scores)) if self.scores else None
+        if self.scores:
+            return float(np.mean(self.scores))
+        return None
 
     @property
     def interval(self) -> tuple[float, float] | None:

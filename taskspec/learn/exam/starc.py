@@ -108,7 +108,10 @@ class RewardMdp:
     def changed(self, name: str) -> Array:
         """Return the expected rewards, after each was changed as `REWARD_CHANGES` says."""
         found = abstraction(self.task)
-        task = self.task if found is None else found.stand_in
+        if found is None:
+            task = self.task
+        else:
+            task = found.stand_in
         return self._running(tabular(REWARD_CHANGES[name](task)))
 
     @cached_property
@@ -137,7 +140,10 @@ class RewardMdp:
         model = self.model
         s = model.n_states
         a = model.n_actions
-        table = None if callable(reward) else np.asarray(reward, np.float64)
+        if callable(reward):
+            table = None
+        else:
+            table = np.asarray(reward, np.float64)
         if table is not None and table.shape not in ((s, a, s), (s, a), (s,)):
             misused(f"a reward has shape ({s}, {a}, {s}), ({s}, {a}) or ({s},) here, not {table.shape}")
         R = np.zeros((s, a))

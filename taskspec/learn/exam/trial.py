@@ -69,7 +69,10 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for name in ("random", "expert", "optimal", "worst"):
             value = getattr(results, name)
-            found[name] = None if value is None else value.value
+            if value is None:
+                found[name] = None
+            else:
+                found[name] = value.value
         if found["expert"] is None:
             found["expert"] = found["optimal"]
         constants = []

@@ -165,7 +165,10 @@ def _check_shown(written: ExperimentFile, collector: Collector) -> None:
         measured = list(MEASURES)
     else:
         measured = experiment.measures
-    speeds = list(SPEEDS) if experiment.speed else []
+    if experiment.speed:
+        speeds = list(SPEEDS)
+    else:
+        speeds = []
     known = [*numbers, *measured, *speeds]
     for i, name in enumerate(experiment.plot.show):
         if name in known:
@@ -183,7 +186,10 @@ def _check_shown(written: ExperimentFile, collector: Collector) -> None:
 def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
     """Report more episodes for each policy, or for each estimate, than are allowed."""
     experiment = written.experiment
-    rolled_out = (experiment.seeds or 1) if experiment.policies else 1
+    if experiment.policies:
+        rolled_out = experiment.seeds or 1
+    else:
+        rolled_out = 1
     episodes = experiment.episodes * rolled_out
     most = limits().episodes
     if episodes > most:

@@ -50,7 +50,10 @@ def options(written: str | Mapping[str, Any]) -> list[Option]:
     if isinstance(written, str):
         return [Option(modifier(written))]
     ((name, given),) = written.items()
-    arguments = MODIFIERS[name].arguments if name in MODIFIERS else ()
+    if name in MODIFIERS:
+        arguments = MODIFIERS[name].arguments
+    else:
+        arguments = ()
     kinds = {a.name: a.kind for a in arguments}
     if (not isinstance(given, dict) or set(given) & set(SPANS)) and arguments and given is not None:
         given = {arguments[0].name: given}
@@ -61,7 +64,10 @@ def options(written: str | Mapping[str, Any]) -> list[Option]:
     if wanted > limits().instances:
         raise too_many(wanted)
     found = [dict(zip(many, chosen, strict=True)) for chosen in itertools.product(*many.values())]
-    first = arguments[0].name if arguments else ""
+    if arguments:
+        first = arguments[0].name
+    else:
+        first = ""
     titles = {key: name if key == first else f"{name} {key}" for key, values in many.items() if len(values) > 1}
     return [Option(modifier({name: each}), {titles[key]: each[key] for key in titles}) for each in found]
 
@@ -337,7 +343,10 @@ class _Entry:
         laid = tuple(str(option.modifier) for option in over)
         shown = {n: all_values[n] for n in varied} | {k: v for option in over for k, v in option.varied.items()}
         name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
-        hash_ = "" if bound is None else bound.content_hash
+        if bound is None:
+            hash_ = ""
+        else:
+            hash_ = bound.content_hash
         return Instance(name, source, self.task.source.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:

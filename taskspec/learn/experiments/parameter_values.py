@@ -170,11 +170,17 @@ class Assignment:
 
     def _value(self, name: str, at: s.Name) -> Value:
         parameter = self.known[name]
-        value = self._plain(name) if name in self.given else parameter.value
+        if name in self.given:
+            value = self._plain(name)
+        else:
+            value = parameter.value
         if isinstance(value, str):
             self.checker.fail("E306", at, f"'{name}' is a label, no number")
         kind = {bool: Kind.BOOL, int: Kind.INT}.get(type(value), Kind.REAL)
-        written = _decimal(value) if isinstance(value, float) else value
+        if isinstance(value, float):
+            written = _decimal(value)
+        else:
+            written = value
         return Value(self.builder.const(written, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))
 
 

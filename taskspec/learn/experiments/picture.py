@@ -115,7 +115,10 @@ def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> l
         x = plot.x if plot.x in free else next((n for n in free if n != plot.y), None)
         is_map = plot.y in free or (len(free) == 2 and plot.x is None)
         if is_map:
-            y = plot.y if plot.y in free else next(n for n in free if n != x)
+            if plot.y in free:
+                y = plot.y
+            else:
+                y = next(n for n in free if n != x)
         else:
             y = None
         rest = [n for n in free if n not in (x, y)]

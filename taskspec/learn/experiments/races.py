@@ -93,7 +93,10 @@ def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:
     for entry in family.experiment.tasks:
         given = entry.sample
         if given is not None:
-            count = given if isinstance(given, int) else given.count
+            if isinstance(given, int):
+                count = given
+            else:
+                count = given.count
             given = Sample(count=count, seed=seed)
         entries.append(entry.model_copy(update={"sample": given}))
     return replace(family, experiment=family.experiment.model_copy(update={"tasks": entries}))
@@ -131,7 +134,10 @@ def _return(one: Examinee, results: Results, seed: int, steps: int) -> float:
     learned = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
     if one.together:
         (learned,) = learned
-    policy = learned.policy if isinstance(learned, Learned) else learned
+    if isinstance(learned, Learned):
+        policy = learned.policy
+    else:
+        policy = learned
     return observed_value(results, policy, seed).deterministic.value
 
 

@@ -87,7 +87,10 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
         for name in RETURNS:
             value: Return | None = getattr(results, name)
             for key, entry in ((name, "value"), (f"{name}_half", "half"), (f"{name}_status", "status")):
-                found[key] = None if value is None else getattr(value, entry)
+                if value is None:
+                    found[key] = None
+                else:
+                    found[key] = getattr(value, entry)
         found |= {**hard, "why_not": {**_reasons(results), **hard.why_not}}
         found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
         if wanted.speed:
@@ -245,7 +248,10 @@ def sweep(
     Raises:
         SpecError: with every mistake in the experiment; E705 without an extra.
     """
-    found = expand(written) if expanded is None else expanded
+    if expanded is None:
+        found = expand(written)
+    else:
+        found = expanded
     found.raise_if_wrong()
     wanted = wanted_of(written.experiment)
     jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}

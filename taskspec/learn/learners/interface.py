@@ -157,7 +157,10 @@ def forward(layers: Layers, x: Array, activation: str) -> Array:
     *inner, (w, b) = layers
     for u, c in inner:
         x = x @ u + c
-        x = np.tanh(x) if activation == "tanh" else np.maximum(x, 0)
+        if activation == "tanh":
+            x = np.tanh(x)
+        else:
+            x = np.maximum(x, 0)
     return np.asarray(x @ w + b)
 
 

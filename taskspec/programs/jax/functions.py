@@ -282,8 +282,14 @@ def _check(parameter: Parameter, value: Any) -> None:
     if known is None:
         return
     given = known.astype(np.float64)
-    low = -math.inf if parameter.low is None else parameter.low
-    high = math.inf if parameter.high is None else parameter.high
+    if parameter.low is None:
+        low = -math.inf
+    else:
+        low = parameter.low
+    if parameter.high is None:
+        high = math.inf
+    else:
+        high = parameter.high
     is_whole = parameter.kind != "int" or (given == np.rint(given)).all()
     if not (is_whole and ((given >= low) & (given <= high)).all()):
         kind = {"int": "an int"}.get(parameter.kind, "a number")
@@ -307,7 +313,10 @@ class Functional:
     def __init__(self, task: TaskLike, varying: Sequence[str] = ()) -> None:
         self.task: Task = load(task)
         names = tuple(sorted(set(varying)))
-        built = build_varying(self.task, names) if names else self.task
+        if names:
+            built = build_varying(self.task, names)
+        else:
+            built = self.task
         self.program: JaxProgram = compile_jax(built)
         opened = tuple(p for name in names for p in self.task.parameters if p.name == name)
         self._open = OpenParameters.of(built, opened)

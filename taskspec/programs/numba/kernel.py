@@ -69,7 +69,10 @@ class KernelLane(LaneEmitter):
 
     def _whole_division(self, node: Apply, template: str) -> str:
         """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
-        sign = "//" if node.op == "floordiv" else "%"
+        if node.op == "floordiv":
+            sign = "//"
+        else:
+            sign = "%"
         (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
         if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
             return f"(u32({{0}}) {sign} u32({{1}}))"
@@ -87,7 +90,10 @@ class KernelLane(LaneEmitter):
             case "count":
                 return LaneValue(self._fold(node, [f"i32({a})" for a in atoms], "+", "0"))
             case "min" | "max" | "argmin" | "argmax":
-                sign = "<" if node.op.endswith("min") else ">"
+                if node.op.endswith("min"):
+                    sign = "<"
+                else:
+                    sign = ">"
                 return LaneValue(self._best(node, atoms, sign, place=node.op.startswith("arg")))
             case "sort":
                 return LaneValue(self._network(node, atoms))

@@ -236,7 +236,10 @@ class NumpyEngine:
             self.buffers.ended = self.buffers.truncated
         self._read = action_reader(task, module.action, lanes)
         self._episodes = Episodes(self.buffers, options.mode)
-        size = max(1, -(-lanes // -(-lanes // BLOCK))) if lanes else 1
+        if lanes:
+            size = max(1, -(-lanes // -(-lanes // BLOCK)))
+        else:
+            size = 1
         places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
         self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
 
@@ -313,7 +316,10 @@ class _Block:
     def step(self, actions: Sequence[Array]) -> int:
         b = self._buffers
         episodes = self.episodes
-        late = b.ended.nonzero()[0] if episodes.over else None
+        if episodes.over:
+            late = b.ended.nonzero()[0]
+        else:
+            late = None
         if late is not None:
             self.ahead.part_ways()
             b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time

@@ -171,7 +171,10 @@ def row_names(task: Task) -> dict[str, Any]:
 
 def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
     """Return the source of a step's info, after the state has moved on; `measures` are the sources of their values."""
-    new_state = "told" if is_kept(task) else flat_state(task, names)
+    if is_kept(task):
+        new_state = "told"
+    else:
+        new_state = flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
     items = [f'"{name}": {sources[name]}' for name in task.info]
     if measures:
@@ -305,6 +308,9 @@ def _dictionary(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -
         if c.is_finite and c.type.is_scalar:
             items.append(f"{c.name!r}: {_integer(lane, node)}")
         else:
-            source = lane.scalar(node) if c.type.is_scalar else lane.packed(node)
+            if c.type.is_scalar:
+                source = lane.scalar(node)
+            else:
+                source = lane.packed(node)
             items.append(f"{c.name!r}: {_array(lane, node, source)}")
     return "{" + ", ".join(items) + "}"

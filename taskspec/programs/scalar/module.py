@@ -123,7 +123,10 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         body += [f"told = {phase.row_names[2]}"]
     else:
         body += interface.told_state(task, parts.observation, states, observation)
-    told = f"{{{interface.MASKED}}}" if task.mask else "{}"
+    if task.mask:
+        told = f"{{{interface.MASKED}}}"
+    else:
+        told = "{}"
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {told}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
@@ -196,7 +199,10 @@ def _seen(
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
-    truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
+    if task.horizon is None:
+        truncated = "False"
+    else:
+        truncated = f"t >= {task.horizon}"
     if terminal == "False" and truncated == "False":
         return [], "False, False"
     if terminal == "False":
@@ -218,7 +224,10 @@ def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
 
 def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
     lane = _lane(parts, None, states, (), constants)
-    nodes = parts.task.next_observation if parts.invariants.observation else ()
+    if parts.invariants.observation:
+        nodes = parts.task.next_observation
+    else:
+        nodes = ()
     lane.emit((*parts.invariants.nodes, *nodes))
     fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
     lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]

@@ -62,7 +62,10 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
         shown = list(zip(times, rows, colors, strict=True))
         if len(rows) > ROWS:
             shown[ROWS - 1 : -1] = []
-        moves = "" if len(rows) == 1 else f", and its changes in an episode of {whose}"
+        if len(rows) == 1:
+            moves = ""
+        else:
+            moves = f", and its changes in an episode of {whose}"
         items += _cells(shown, len(rows) - len(shown))
         alt = f"{plural(count, 'cell')}{moves}"
         step = 1.0
@@ -121,7 +124,10 @@ def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator
 
 def _vector(task: Task) -> Expression | None:
     values = figure_of(task).values
-    nodes = [c.value for c in task.state] if values is None else [values]
+    if values is None:
+        nodes = [c.value for c in task.state]
+    else:
+        nodes = [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
@@ -186,7 +192,10 @@ def _board(task: Task, node: Expression, values: Array, is_frame: bool) -> sc.Sc
         notes = (f"A state after {len(path) - 1} steps of {whose}.",)
     height, width = node.type.shape
     most = float(np.abs(values).max()) or 1.0
-    digits = 0 if np.array_equal(values, np.rint(values)) else 2
+    if np.array_equal(values, np.rint(values)):
+        digits = 0
+    else:
+        digits = 2
     items: list[sc.Item] = []
     for (row, column), value in np.ndenumerate(values):
         cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")

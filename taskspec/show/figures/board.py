@@ -63,7 +63,10 @@ def chosen_ways(
     if not pairs:
         return
     ways = _ways_by_label(task)
-    found = _probable_ways(task, pairs, cells) if ways is None else ((code, ways[action]) for code, action in pairs)
+    if ways is None:
+        found = _probable_ways(task, pairs, cells)
+    else:
+        found = ((code, ways[action]) for code, action in pairs)
     taken: dict[int, dict[Way, None]] = {code: {} for code in policy}
     for code, way in found:
         if any(way):
@@ -132,7 +135,9 @@ class Board:
     cell: float = CELL
 
     def items(self) -> list[Item]:
-        return [*self._cells()] if self.is_whole else [*self._map()]
+        if self.is_whole:
+            return [*self._cells()]
+        return [*self._map()]
 
     def notes(self) -> tuple[str, ...]:
         """Return notes on how the board is drawn."""
@@ -215,7 +220,10 @@ class Board:
         x, y = at
         side = (0.62 if thing.cell not in self.colors else 0.48) * self.cell  # beside a sign
         if taken:
-            out, small = BESIDE_VALUE if thing.cell in self.values else BADGE
+            if thing.cell in self.values:
+                out, small = BESIDE_VALUE
+            else:
+                out, small = BADGE
             dx, dy = CORNERS[(taken - 1) % len(CORNERS)]
             x += out * dx * self.cell
             y += out * dy * self.cell

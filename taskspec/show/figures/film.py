@@ -44,7 +44,10 @@ def film(task: Task) -> str | None:
     None where nobody knows how to act, and for figures that are large or whose frames differ in size.
     """
     task = task.unmodified
-    who = "optimal" if task.annotations.expert is None else "expert"
+    if task.annotations.expert is None:
+        who = "optimal"
+    else:
+        who = "expert"
     try:
         steps = list(_episode(task, who))
     except SpecError:
@@ -67,7 +70,10 @@ def film(task: Task) -> str | None:
             frames.append(replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label)))
     if len(frames) < 2 or np.ptp([frame.height for frame in frames]) > SAME:
         return None
-    whose = "an optimal policy" if who == "optimal" else "the expert"
+    if who == "optimal":
+        whose = "an optimal policy"
+    else:
+        whose = "the expert"
     width = max(frame.width for frame in frames)
     alt = f"An episode of {whose} in {task.name}, {len(frames)} frames"
     return animated(replace(frames[0], width=width, alt=alt), [frame.items for frame in frames])
@@ -99,7 +105,9 @@ def _value(c: Component, value: Any) -> str:
     if c.type.kind is Kind.BOOL:
         return ", ".join(f"{c.name} = {'yes' if x else 'no'}" for x in flat)
     numbers = ", ".join(number(float(x), 3) for x in flat)
-    return f"{c.name} = {numbers}" if c.type.is_scalar else f"{c.name} = ({numbers})"
+    if c.type.is_scalar:
+        return f"{c.name} = {numbers}"
+    return f"{c.name} = ({numbers})"
 
 
 def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:

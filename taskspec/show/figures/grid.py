@@ -153,7 +153,10 @@ class _Grid:
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())
-        how = DRAWN if distinct == len(by_code) else DRAWN_TOGETHER
+        if distinct == len(by_code):
+            how = DRAWN
+        else:
+            how = DRAWN_TOGETHER
         return fitted(board.items(), alt, notes, drawn=how)
 
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
@@ -229,5 +232,8 @@ def _by_cell(
     cells: dict[Cell, float] = {}
     for code, number in found.items():
         cell = by_code[code]
-        cells[cell] = together(cells[cell], number) if cell in cells else number
+        if cell in cells:
+            cells[cell] = together(cells[cell], number)
+        else:
+            cells[cell] = number
     return cells

@@ -61,7 +61,10 @@ def drawings(machine: Machine) -> Iterator[Drawing]:
     choices = [usual]
     if len(machine.start) > 1:
         ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]]
-        choices = [*ones, usual] if machine.starters else [usual, *ones]
+        if machine.starters:
+            choices = [*ones, usual]
+        else:
+            choices = [usual, *ones]
     for layers in choices:
         drawing = _drawing(layers, arcs)
         if _is_small(layers) and set(machine.start) <= set(drawing.vertices):

@@ -117,7 +117,10 @@ class Machine:
         form = "({})"
         if len(self.task.state) == 1:
             (c,) = self.task.state
-            form = "{}" if c.domain else f"{plain(self.notation.symbol(c.name))} = {{}}"
+            if c.domain:
+                form = "{}"
+            else:
+                form = f"{plain(self.notation.symbol(c.name))} = {{}}"
         return ", ".join(form.format(plain(self.labels[c])) for c in codes)
 
     @cached_property
@@ -190,10 +193,16 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
-        other = task if key == task.source.variant else load(task, key, **given)
+        if key == task.source.variant:
+            other = task
+        else:
+            other = load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
-        found[who] = own if other is task else Steps(other).start_weights()
+        if other is task:
+            found[who] = own
+        else:
+            found[who] = Steps(other).start_weights()
     codes = [code for probabilities in found.values() for code in probabilities]
     if len(set(codes)) == len(codes) and own in found.values():
         return found
@@ -243,7 +252,10 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
 
 def state_labels(task: Task) -> Mapping[int, m.Math]:
     """Return the symbols of the states of a task that has a graph, by code; none for other tasks."""
-    machine = explore(task) if figure_of(task).kind == DEFAULT and len(task.state) == 1 else None
+    if figure_of(task).kind == DEFAULT and len(task.state) == 1:
+        machine = explore(task)
+    else:
+        machine = None
     if machine is None or task.modifiers:
         return {}
     return machine.labels
@@ -289,7 +301,10 @@ class _Matrix:
         self.named = len(self.place) <= NAMED
         self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
         self.side = self.cell * len(self.place)
-        self.strip = STRIP if machine.fills else 0.0
+        if machine.fills:
+            self.strip = STRIP
+        else:
+            self.strip = 0.0
         self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
     def cells(self) -> Iterator[sc.Item]:

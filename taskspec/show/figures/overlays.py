@@ -72,8 +72,14 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise spec_error("E713", message)
     model = model or extract(task)
-    acting = _acting(task, model) if wanted & {"expert", "occupancy"} else None
-    visits = _visits(model, *acting) if acting is not None and "occupancy" in wanted else {}
+    if wanted & {"expert", "occupancy"}:
+        acting = _acting(task, model)
+    else:
+        acting = None
+    if acting is not None and "occupancy" in wanted:
+        visits = _visits(model, *acting)
+    else:
+        visits = {}
     most = max(visits.values(), default=0.0)
     found: dict[str, Any] = {}
     if "values" in wanted:
@@ -90,8 +96,14 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
 
 
 def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[tuple[str, tuple[str, str]]]:
-    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
-    whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
+    if task.horizon is None:
+        left = ""
+    else:
+        left = f" with all {task.horizon:,} steps to go"
+    if task.annotations.expert is None:
+        whose = "an optimal policy's"
+    else:
+        whose = "the expert's"
     lacks = ""
     if wanted & {"expert", "occupancy"} and not acts:
         lacks = ", for which there is no exact plan"
@@ -116,11 +128,16 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
     if task.annotations.expert is None:
         return model, plans.optimal_plan(model)
     try:
-        whole = model if task.annotations.memory is None else extract(task.remembering())
+        if task.annotations.memory is None:
+            whole = model
+        else:
+            whole = extract(task.remembering())
     except SpecError:  # too many states with the memory
         return None
     plan = plans.expert_plan(whole)
-    return None if plan is None else (whole, plan)
+    if plan is None:
+        return None
+    return (whole, plan)
 
 
 def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[int, ...]]:

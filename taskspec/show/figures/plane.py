@@ -130,7 +130,10 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     if across is None:
         return None
     along = expert_path(task, 20 if task.horizon is None else 100, SEED)
-    shown = along if overlay.here is None else [dict(overlay.here)]
+    if overlay.here is None:
+        shown = along
+    else:
+        shown = [dict(overlay.here)]
     path = [_place(task, figure.at, state) for state in along]
     dots = [_place(task, figure.at, state) for state in shown]
     places = [x for x, _ in (*path, *dots)]
@@ -177,7 +180,10 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     if len(pair) != 2 or len(at) != 2 or is_random(task.process.next):
         return None
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
-    path = expert_path(task) if overlay.here is None else [dict(overlay.here)]
+    if overlay.here is None:
+        path = expert_path(task)
+    else:
+        path = [dict(overlay.here)]
     places = np.array([[float(state[c.name]) for c in pair] for state in path])
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None

@@ -126,8 +126,14 @@ def _draw(axes: Any, scene: Scene, scale: float) -> None:
 
 def _paint(item: Circle | Box) -> dict[str, Any]:
     colors = need("matplotlib.colors", "figures")
-    face = "none" if item.fill is None else colors.to_rgba(COLORS[item.fill], item.shade)
-    edge = "none" if item.line is None else COLORS[item.line]
+    if item.fill is None:
+        face = "none"
+    else:
+        face = colors.to_rgba(COLORS[item.fill], item.shade)
+    if item.line is None:
+        edge = "none"
+    else:
+        edge = COLORS[item.line]
     return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
 
 
@@ -146,4 +152,6 @@ def mathtext(tree: m.Math) -> str:
 
 def _inside(tree: m.Math) -> str:
     text = plain(tree)
-    return text if text.isalnum() else r"\mathrm{?}"
+    if text.isalnum():
+        return text
+    return r"\mathrm{?}"

@@ -183,7 +183,10 @@ HEAD = 0.17
 
 
 def head(line: Line) -> tuple[Point, Point, Point]:
-    x0, y0 = line.at(0.9) if line.curved else line.points[-2]
+    if line.curved:
+        x0, y0 = line.at(0.9)
+    else:
+        x0, y0 = line.points[-2]
     x1, y1 = line.points[-1]
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
     ux = (x1 - x0) / length

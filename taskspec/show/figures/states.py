@@ -92,7 +92,10 @@ def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[di
     task = task.remembering()
     expert = task.annotations.expert
     is_expert = isinstance(expert, tuple) and not is_random(expert)
-    choose = by_expert(task) if is_expert else at_random(task)
+    if is_expert:
+        choose = by_expert(task)
+    else:
+        choose = at_random(task)
     rollout = Rollout(task, 1, seed)
     rng = np.random.default_rng(seed)
     state = rollout.start()
@@ -178,7 +181,10 @@ def state_table(task: Task, state: State) -> Scene:
         shown = [f"{v:.4g}" if isinstance(v, float) else str(v) for v in flat[:ELEMENTS]]
         if len(flat) > ELEMENTS:
             shown.append("…")
-        word = f"({', '.join(shown)})" if c.type.shape else shown[0]
+        if c.type.shape:
+            word = f"({', '.join(shown)})"
+        else:
+            word = shown[0]
         text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(word)))
         items.append(Label((0.0, 0.55 * i), text, anchor="start"))
     return fitted(items, f"A state of {task.name}", margin=0.3)

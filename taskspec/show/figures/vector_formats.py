@@ -50,7 +50,10 @@ def svg_item(item: sc.Item) -> str:
         case sc.Circle(centre=(x, y), radius=r):
             return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
         case sc.Box(corner=(x, y), width=w, height=h, round=corner):
-            rounded = f' rx="{_px(corner)}"' if corner else ""
+            if corner:
+                rounded = f' rx="{_px(corner)}"'
+            else:
+                rounded = ""
             place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
             return f"<rect {place}{rounded}{_svg_paint(item)}/>"
         case sc.Line():
@@ -63,7 +66,10 @@ def svg_item(item: sc.Item) -> str:
 
 def _svg_paint(item: sc.Circle | sc.Box) -> str:
     classes = [f"{part}-{role}" for part, role in (("fill", item.fill), ("line", item.line)) if role is not None]
-    inside = "none" if item.fill is None else sc.COLORS[item.fill]
+    if item.fill is None:
+        inside = "none"
+    else:
+        inside = sc.COLORS[item.fill]
     faded = ""
     if item.fill and item.shade < 1:
         faded = f' fill-opacity="{item.shade:.2f}"'
@@ -98,7 +104,10 @@ def _label(label: sc.Label) -> str:
     x, y = label.at
     fill = f"fill-{label.color}"
     halo = f' stroke="{sc.COLORS["paper"]}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
-    style = halo if label.halo else f' class="{fill}"'
+    if label.halo:
+        style = halo
+    else:
+        style = f' class="{fill}"'
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.COLORS[label.color]}"{style}>{runs(label.text)}</text>'
 
@@ -157,7 +166,10 @@ def _tikz_item(item: sc.Item) -> str:
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" * item.halo
-            size = r"\footnotesize" if item.size < 0.34 else r"\small"
+            if item.size < 0.34:
+                size = r"\footnotesize"
+            else:
+                size = r"\small"
             options = f"anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}"
             return rf"\node[{options}] at {_tikz_point(at)} {{${latex(text)}$}};"
         case _:

@@ -87,7 +87,10 @@ def _return(name: str, score: Return) -> dict[str, Any]:
         found = _property("return", name, value, f"mean of {score.episodes:,} episodes, 95 % interval")
         return found | {"minValue": value - score.half, "maxValue": value + score.half}
     fraction = small_fraction(score.value, LARGEST, 1e-12 * max(1.0, abs(value)))
-    exact = "exact" if fraction is None or fraction.denominator == 1 else f"exact: {fraction}"
+    if fraction is None or fraction.denominator == 1:
+        exact = "exact"
+    else:
+        exact = f"exact: {fraction}"
     return _property("return", name, value, exact)
 
 
@@ -105,7 +108,10 @@ def markdown(card: dict[str, Any]) -> str:
     lines += [f"| capability | {escape(word)} |" for word in card["keywords"][1:]]
     for kind in ("parameter", "modifier", "space", "size", "return"):
         for each in kinds.get(kind, ()):
-            remark = f" ({escape(each['description'])})" if "description" in each else ""
+            if "description" in each:
+                remark = f" ({escape(each['description'])})"
+            else:
+                remark = ""
             title = TITLES.get(kind, "{}").format(each["name"])
             lines.append(f"| {escape(title)} | {_shown(each)}{remark} |")
     lines.append(f"| content | `{card['identifier'][1]}` |")
@@ -124,7 +130,9 @@ def _shown(each: dict[str, Any]) -> str:
     if each["propertyID"] == "return":
         return decimal(each["value"], 10)
     value = setting(each["value"])
-    return value if isinstance(each["value"], int | float) else escape(value)
+    if isinstance(each["value"], int | float):
+        return value
+    return escape(value)
 
 
 def _cited(source: dict[str, Any]) -> str:

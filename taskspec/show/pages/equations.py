@@ -72,7 +72,10 @@ class Writing:
         those of a function, with their axes.
         """
         if rewrites.is_draw(expr):
-            sign = "=" if rewrites.shows_probabilities(expr) else "∼"
+            if rewrites.shows_probabilities(expr):
+                sign = "="
+            else:
+                sign = "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = rewrites.take_apart(expr, self.drawn)
         writer = ExpressionWriter(self.notation)
@@ -85,7 +88,10 @@ class Writing:
         notation = replace(self.notation, axes=axes)
         whole = ExpressionWriter(notation, of)
         value = self.put(apart.expr)
-        elements = rewrites.pointwise(whole, value) if rewrites.has_conditions(whole, value) else None
+        if rewrites.has_conditions(whole, value):
+            elements = rewrites.pointwise(whole, value)
+        else:
+            elements = None
         if elements is None:
             index = rewrites.broadcast(whole, value)
             right = whole.number(value).tree
@@ -118,7 +124,10 @@ class Writing:
         shape = getattr(entry, "shape", None)
         if shape in (None, [], 1, [1]):
             return inner
-        lengths = shape if isinstance(shape, list) else [shape]
+        if isinstance(shape, list):
+            lengths = shape
+        else:
+            lengths = [shape]
         return m.Script(inner, sup=m.joined(map(self.declared, lengths), "×"))
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
@@ -137,8 +146,14 @@ class Writing:
         return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:
-        low = self.declared(ends["low"]) if "low" in ends else None
-        high = self.declared(ends["high"]) if "high" in ends else None
+        if "low" in ends:
+            low = self.declared(ends["low"])
+        else:
+            low = None
+        if "high" in ends:
+            high = self.declared(ends["high"])
+        else:
+            high = None
         match entry.type:
             case "bool":
                 return interval(m.Num("0"), m.Num("1"))

@@ -55,7 +55,10 @@ class HtmlWriter:
         rows = []
         if section.table:
             rows = [list(map(self.prose, row)) for row in section.table.rows]
-        header = section.table.header if section.table else ()
+        if section.table:
+            header = section.table.header
+        else:
+            header = ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
     def line(self, line: SectionLine, settings: Sequence[str]) -> Markup:
@@ -93,7 +96,10 @@ class HtmlWriter:
                 if holds is None:
                     sign, kind = ("?", "open")
                 else:
-                    sign, kind = ("✓", "holds") if holds else ("✗", "fails")
+                    if holds:
+                        sign, kind = ("✓", "holds")
+                    else:
+                        sign, kind = ("✗", "fails")
                 return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
                     kind, sign, text
                 )
@@ -102,14 +108,20 @@ class HtmlWriter:
 
     def cite(self, cite: p.Cite) -> Markup:
         found = self.references.get(cite.key)
-        where = Markup(", {}").format(cite.where) if cite.where else Markup("")
+        if cite.where:
+            where = Markup(", {}").format(cite.where)
+        else:
+            where = Markup("")
         if found is None:
             return Markup("{}").format(cite.key) + where
         title = Markup("{}").format(found.plain("title"))
         address = found.plain("url")
         if address and p.is_safe(address):
             title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
-        venue = f", {found.venue}" if found.venue else ""
+        if found.venue:
+            venue = f", {found.venue}"
+        else:
+            venue = ""
         head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
         return head + title + Markup("{}").format(venue) + where
 
@@ -149,11 +161,17 @@ def formula(math: m.Math, display: bool = False) -> Markup:
             before = formula(m.row(*left)) if left else ""
             whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
             return Markup(whole).format(plain(math), before, cells)
-    pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
+    if m.width(math) > BREAK_AFTER:
+        pieces = _pieces(_flat(math))
+    else:
+        pieces = [math]
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
-        kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
+        if m.width(math) > BREAK_AFTER:
+            kind = "rigid"
+        else:
+            kind = "formula"
         return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
     infix = (
         r"^(<math[^>]*><mrow><mo)>",
@@ -172,7 +190,9 @@ def formula(math: m.Math, display: bool = False) -> Markup:
 
 def _letters(math: m.Math) -> str:
     letters = m.width(math)
-    return f' style="--letters: {letters:.0f}"' if letters > FITS else ""
+    if letters > FITS:
+        return f' style="--letters: {letters:.0f}"'
+    return ""
 
 
 def origin_of(content: p.Inlines) -> str:

@@ -251,7 +251,10 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
         if component.name not in fixed and expr is not None:
             yield from _transition(w, component.name, expr)
     if fixed:
-        verb = " keeps its value" if len(fixed) == 1 else " keep their values"
+        if len(fixed) == 1:
+            verb = " keeps its value"
+        else:
+            verb = " keep their values"
         yield (*listing([(formula(w.symbol(n)),) for n in fixed]), Text(verb))
 
 
@@ -303,7 +306,10 @@ def expert(w: Writing) -> Iterator[Inlines]:
     for c in () if w.task.annotations.memory is None else w.task.annotations.memory.declared:
         memory = w.parsed("memory")
         symbol = w.symbol(c.name)
-        doc = (Text(", "), *inlines(c.doc)) if c.doc else ()
+        if c.doc:
+            doc = (Text(", "), *inlines(c.doc))
+        else:
+            doc = ()
         yield (
             Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])), *doc,
             Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)), Text("; after a step "),
@@ -321,6 +327,9 @@ def expert(w: Writing) -> Iterator[Inlines]:
                 value = w.math(found.args[0])
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            actions = found if isinstance(found, Mapping) else {next(iter(w.spec.action)): found}
+            if isinstance(found, Mapping):
+                actions = found
+            else:
+                actions = {next(iter(w.spec.action)): found}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -97,7 +97,10 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
     shown = [task.values]
     for column in columns:
         values = {names[name]: value for name, value in column.items() if name in names}
-        at = load(task, **values) if values else task
+        if values:
+            at = load(task, **values)
+        else:
+            at = task
         if at.values not in shown:
             shown.append(at.values)
             title = ", ".join(f"{name} = {at.values[name]}" for name in values)
@@ -130,7 +133,10 @@ def _beside(section: Section, own: Section | None, concrete: Section | None) -> 
         return section
     lines = []
     for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
-        found = other.content if other.content != usual.content else ()
+        if other.content != usual.content:
+            found = other.content
+        else:
+            found = ()
         lines.append(replace(line, values=(*line.values, found)))
     return replace(section, lines=tuple(lines))
 

@@ -51,7 +51,10 @@ def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Inlines
         case s.Call(function="reachable", args=(what, *_)):
             return (_truth(w, what), p.Text(" cannot be reached" if denied else " can be reached"))
         case s.Call(function="influences", args=(cause, effect)):
-            verb = " has no effect on " if denied else " has an effect on "
+            if denied:
+                verb = " has no effect on "
+            else:
+                verb = " has an effect on "
             return (_truth(w, cause), p.Text(verb), _truth(w, effect))
         case operand if denied:
             return (p.Text("it is not so that "), *sentence(w, operand, under))
@@ -74,7 +77,10 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Formula:
         symbols["states"] = m.Words("number of abstract states")
     symbols["probability"] = m.Ident("P", "blackboard")
     symbols["measure"] = m.Ident("E", "blackboard")
-    policy = "random" if under is None else text(under)
+    if under is None:
+        policy = "random"
+    else:
+        policy = text(under)
     events = {"probability": policy, "measure": policy}
     return p.Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
 
@@ -204,7 +210,10 @@ def symmetries(w: Writing) -> Iterator[p.Inlines]:
 def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formula]:
     """Yield what each component is mapped to; all of them together, where one is made of others."""
     task = w.task
-    components = task.observation.components if key == "observation" else task.action
+    if key == "observation":
+        components = task.observation.components
+    else:
+        components = task.action
     names = [c.name for c in components]
     read = {}
     for name, expr in maps.items():

@@ -55,7 +55,10 @@ def outside(x: Evidence) -> AuditFinding | None:
     """Find an observation that is not in the observation space."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps):
-            why = None if step.error else why_outside(x.subject.observation_space, step.observation)
+            if step.error:
+                why = None
+            else:
+                why = why_outside(x.subject.observation_space, step.observation)
             if why:
                 return AuditFinding(f"at t = {t} the observation {why}", episode.trace(t))
     return None
@@ -114,7 +117,10 @@ def mutated(x: Evidence) -> AuditFinding | None:
         for t, step in enumerate(episode.steps):
             is_changed = frozen(step.observation) != step.seen
             if not step.error and (is_changed or frozen(step.info) != step.seen_info):
-                name = "observation" if is_changed else "info"
+                if is_changed:
+                    name = "observation"
+                else:
+                    name = "info"
                 words = f"the {name} of t = {t} is changed by later steps; return a copy"
                 return AuditFinding(words, episode.trace(t + 1))
     return None
@@ -237,7 +243,10 @@ def hidden_state(x: Evidence) -> AuditFinding | None:
     if pair is None:
         return None
     actions = [table.actions[a] for a in apart(x.rows, x.classes, *pair)]
-    after = "after the same action" if len(actions) == 1 else f"after the same {len(actions)} actions"
+    if len(actions) == 1:
+        after = "after the same action"
+    else:
+        after = f"after the same {len(actions)} actions"
     words = f"{shown(table.shown[pair[0]])} is observed in two states, which differ {after}: it is a POMDP"
     return AuditFinding(words, _traces(x, pair, actions))
 
@@ -270,7 +279,10 @@ def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
 def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
     parts: list[TracePart] = []
     for s in pair:
-        trace = x.table.traces[s] if x.table is not None else None
+        if x.table is not None:
+            trace = x.table.traces[s]
+        else:
+            trace = None
         if trace is None:
             return None
         parts.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
@@ -405,10 +417,16 @@ def examined(subject: Subject, seconds: float) -> Audit:
 
 
 def _size(x: Evidence) -> str:
-    horizon = "no time limit seen" if x.horizon is None else f"{x.horizon:,} steps"
+    if x.horizon is None:
+        horizon = "no time limit seen"
+    else:
+        horizon = f"{x.horizon:,} steps"
     if x.table is None:
         return f"sampled, since {x.why_not}; {horizon}"
-    chance = ", chance estimated" if x.table.is_estimated else ""
+    if x.table.is_estimated:
+        chance = ", chance estimated"
+    else:
+        chance = ""
     return f"{plural(x.entered, 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
 
 
@@ -428,7 +446,10 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
         numbers["best single action"] = max(x.solved.constant)
         if x.table.drawn:
             sampled = {"the policy found optimal": x.checked}
-    about = "about " if x.table is not None and x.table.is_estimated else ""
+    if x.table is not None and x.table.is_estimated:
+        about = "about "
+    else:
+        about = ""
     words = [(name, about + decimal(value)) for name, value in numbers.items()]
     for name, returns in sampled.items():
         if not returns:

@@ -153,7 +153,10 @@ def _places(episodes: Iterable[list[Snapshot]], wanted: Any) -> frozenset[Place]
             if all(value == first for value in values):
                 continue
             is_number = all(isinstance(value, int | float) for value in values)
-            steps = [round(b - a, 9) for a, b in pairwise(values)] if is_number else []
+            if is_number:
+                steps = [round(b - a, 9) for a, b in pairwise(values)]
+            else:
+                steps = []
             verdicts[place] = verdicts.get(place, True) and is_number and wanted(steps)
     places = [place for place, is_wanted in verdicts.items() if is_wanted]
     return frozenset(place[:-1] if place[-1] == LENGTH else place for place in places)
@@ -163,7 +166,10 @@ def place_value(env: Any, place: Place, value: Any) -> None:
     """Set the number at a place."""
     *path, last = place
     for step in path:
-        env = env[step[0]] if isinstance(step, tuple) else getattr(env, str(step))
+        if isinstance(step, tuple):
+            env = env[step[0]]
+        else:
+            env = getattr(env, str(step))
     if isinstance(last, tuple):
         env[last[0]] = value
     else:

@@ -156,7 +156,10 @@ class Subject:
         self.name = name
         self.kwargs = dict(kwargs)
         self.longest = math.inf
-        self._function = function_of(name, "(**kwargs)") if is_function(name) else None
+        if is_function(name):
+            self._function = function_of(name, "(**kwargs)")
+        else:
+            self._function = None
         env = self.make().env
         self.observation_space = env.observation_space
         self.action_space = copy.deepcopy(env.action_space)
@@ -200,7 +203,10 @@ class Subject:
             case spaces.Discrete() as space if space.n <= most:
                 return [space.start + i for i in range(space.n)]
             case spaces.MultiDiscrete(nvec=nvec) | spaces.MultiBinary(shape=nvec) if np.size(nvec) <= 6:
-                counts = nvec if isinstance(self.action_space, spaces.MultiDiscrete) else (2,) * int(np.prod(nvec))
+                if isinstance(self.action_space, spaces.MultiDiscrete):
+                    counts = nvec
+                else:
+                    counts = (2,) * int(np.prod(nvec))
                 if int(np.prod(counts)) <= most:
                     return [np.array(each, self.action_space.dtype) for each in np.ndindex(*np.ravel(counts))]
         return None
@@ -280,7 +286,9 @@ def shown(value: Any, most: int = 60) -> str:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     text = " ".join(repr(value).split())
-    return text if len(text) <= most else f"{text[: most - 4]} ..."
+    if len(text) <= most:
+        return text
+    return f"{text[: most - 4]} ..."
 
 
 def first_difference(one: Sequence[EnvStep], other: Sequence[EnvStep]) -> int | None:
@@ -288,4 +296,6 @@ def first_difference(one: Sequence[EnvStep], other: Sequence[EnvStep]) -> int | 
     for i, (a, b) in enumerate(zip(one, other, strict=False)):
         if a.outcome != b.outcome:
             return i
-    return None if len(one) == len(other) else min(len(one), len(other))
+    if len(one) == len(other):
+        return None
+    return min(len(one), len(other))

@@ -198,7 +198,10 @@ class TableSearch:
             generators = snapshot(instance.env).generators
             if repeat:
                 reseed(generators, repeat)
-            before = "" if is_drawn else drawn(generators)
+            if is_drawn:
+                before = ""
+            else:
+                before = drawn(generators)
             step = instance.step(self.table.actions[a])
             if step.error:
                 raise Untabulated(step.error)

@@ -42,28 +42,43 @@ class Analysis:
     @property
     def sections(self) -> dict[str, Any]:
         """The sections as they are written; none where the text is no mapping."""
-        data = self.document.data if self.document else None
-        return data if isinstance(data, dict) else {}
+        if self.document:
+            data = self.document.data
+        else:
+            data = None
+        if isinstance(data, dict):
+            return data
+        return {}
 
     def entries(self, section: str) -> list[str]:
         """Return the names of the entries of a section; none where it has no entries."""
         written = self.sections.get(section)
-        return list(written) if isinstance(written, dict) else []
+        if isinstance(written, dict):
+            return list(written)
+        return []
 
     def attempt(self, path: Path) -> Attempt | None:
         """Return what was made of the spec or the variant that a path is in."""
-        variant = path[1] if path[:1] == ("variants",) and len(path) > 1 else None
+        if path[:1] == ("variants",) and len(path) > 1:
+            variant = path[1]
+        else:
+            variant = None
         for each in self.attempts:
             if each.merged.variant == variant:
                 return each
-        return self.attempts[0] if self.attempts else None
+        if self.attempts:
+            return self.attempts[0]
+        return None
 
     def scope(self, path: Path) -> Scope | None:
         """Return the names that are visible in the expression at a path; None where nothing is known."""
         attempt = self.attempt(path)
         if attempt is None:
             return None
-        section = str(own(path)[0]) if own(path) else ""
+        if own(path):
+            section = str(own(path)[0])
+        else:
+            section = ""
         context = attempt.names.context
         if section in ("parameters", "constants", "state", "action", "horizon", "discount"):
             return Scope(context.constants)
@@ -138,16 +153,24 @@ def _made(names: Names, section: str) -> Scope | None:
 
 def _labels(merged: Merged, section: str) -> Iterator[tuple[Path, str]]:
     for name, entry in (merged.data.get(section) or {}).items():
-        values = entry.get("values") if isinstance(entry, dict) else None
+        if isinstance(entry, dict):
+            values = entry.get("values")
+        else:
+            values = None
         if isinstance(values, list | dict):
             for at, label in enumerate(values):
-                step = label if isinstance(values, dict) else at
+                if isinstance(values, dict):
+                    step = label
+                else:
+                    step = at
                 yield (section, name, "values", step), str(label)
 
 
 def _written(merged: Merged, path: Path) -> Path:
     document, there = merged.written(path)
-    return there if document is merged.document else ()
+    if document is merged.document:
+        return there
+    return ()
 
 
 def _name_of(node: object) -> str | None:

@@ -75,7 +75,9 @@ def _present(analysis: Analysis, path: Path) -> set[str]:
             node = node[step]
         except (KeyError, IndexError, TypeError):
             return set()
-    return set(node) if isinstance(node, dict) else set()
+    if isinstance(node, dict):
+        return set(node)
+    return set()
 
 
 def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:

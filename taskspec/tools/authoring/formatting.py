@@ -53,7 +53,10 @@ def formatted(text: str, name: str = "<string>") -> str:
     document = read_text(text, name)
     spaced = fixed(text, _spaces(document))
     root = compose(spaced).root
-    result = spaced if root is None else spliced(spaced, _padding(root, spaced))
+    if root is None:
+        result = spaced
+    else:
+        result = spliced(spaced, _padding(root, spaced))
     if _bare(read_text(result, name)) != _bare(document):
         return text
     return result
@@ -139,7 +142,10 @@ def _padding(root: Node, text: str) -> list[Change]:
         rows = [(None, item) for item in inner]
     else:
         inner = [value for _, value in root.entries]
-        table = root.index["rows"][1] if "rows" in root.index else None
+        if "rows" in root.index:
+            table = root.index["rows"][1]
+        else:
+            table = None
         if isinstance(table, MappingNode) and not table.flow:
             rows = [*table.entries]
     changes = [change for each in inner for change in _padding(each, text)]
@@ -155,8 +161,12 @@ def _shape(row: _Row, text: str) -> tuple[Any, ...]:
     if isinstance(node, ScalarNode) or not node.flow or "\n" in text[node.start : node.end]:
         return ()
     if isinstance(node, SequenceNode):
-        return (_column(text, node.start), *range(len(node.items))) if key is None else ()
-    return tuple(name.value for name, _ in node.entries) if key is not None else ()
+        if key is None:
+            return (_column(text, node.start), *range(len(node.items)))
+        return ()
+    if key is not None:
+        return tuple(name.value for name, _ in node.entries)
+    return ()
 
 
 def _columns(rows: Sequence[_Row], text: str) -> list[Change]:
@@ -179,7 +189,9 @@ def _columns(rows: Sequence[_Row], text: str) -> list[Change]:
 def _cells(node: Node) -> list[tuple[int, int]]:
     if isinstance(node, SequenceNode):
         return [(item.start, item.end) for item in node.items]
-    return [(name.start, value.end) for name, value in node.entries] if isinstance(node, MappingNode) else []
+    if isinstance(node, MappingNode):
+        return [(name.start, value.end) for name, value in node.entries]
+    return []
 
 
 def _column(text: str, at: int) -> int:

@@ -60,9 +60,14 @@ def hover(analysis: Analysis, offset: int) -> str | None:
     language = _of_language(word)
     if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
         found = [each["description"] for each in schemas(at.path) if "description" in each]
-        return f"`{word}`: {found[0]}" if found else None
+        if found:
+            return f"`{word}`: {found[0]}"
+        return None
     scope = analysis.scope(at.path)
-    bound = None if scope is None else scope.lookup(word)
+    if scope is None:
+        bound = None
+    else:
+        bound = scope.lookup(word)
     lines = []
     declaration = analysis.declarations.get(word.rstrip("'"))
     if declaration is not None:
@@ -90,7 +95,9 @@ def name_at(analysis: Analysis, offset: int) -> str | None:
     """Return the name at an offset, without its prime; None for a word that is not declared."""
     word, _ = word_at(analysis.text, offset)
     name = word.rstrip("'")
-    return name if name in analysis.declarations else None
+    if name in analysis.declarations:
+        return name
+    return None
 
 
 def references(analysis: Analysis, name: str | None) -> list[Span]:
@@ -125,8 +132,13 @@ def signature_at(analysis: Analysis, offset: int) -> tuple[str, str, int] | None
             closed -= 1
         elif char == "(":
             name = _CALLED.search(at.before[:i])
-            call = None if name is None else _call(name.group(), analysis.scope(at.path))
-            return None if call is None else (*call, commas)
+            if name is None:
+                call = None
+            else:
+                call = _call(name.group(), analysis.scope(at.path))
+            if call is None:
+                return None
+            return (*call, commas)
         elif char in "[{":
             commas = 0  # those are of the list
     return None
@@ -149,14 +161,20 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
         written.append((("variants", key), analysis.sections["variants"][key]))
     for path, data in written:
         for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
-            entries = data.get(section) if isinstance(data, dict) else None
+            if isinstance(data, dict):
+                entries = data.get(section)
+            else:
+                entries = None
             for key in entries if isinstance(entries, dict) else ():
                 if signature(str(key).rstrip("'"))[0] == name:
                     yield document.key_span((*path, section, key))
 
 
 def _of_node(node: Expression, domain: Domain | None) -> str:
-    value = constant(node) if node.type.is_scalar else None
+    if node.type.is_scalar:
+        value = constant(node)
+    else:
+        value = None
     if domain is not None:
         if value is not None:
             return f"{domain.labels[int(value)]}, {_labels(domain)}"
@@ -191,11 +209,16 @@ def _documentation(analysis: Analysis, path: Path) -> str | None:
 
 def _of_language(word: str) -> str | None:
     call = _call(word, None)
-    return None if call is None else f"`{call[0]}`: {call[1]}"
+    if call is None:
+        return None
+    return f"`{call[0]}`: {call[1]}"
 
 
 def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
-    bound = None if scope is None else scope.lookup(word)
+    if scope is None:
+        bound = None
+    else:
+        bound = scope.lookup(word)
     if isinstance(bound, FunctionDef):
         return bound.signature, printed(bound.body)
     if word in FUNCTIONS:
@@ -204,7 +227,9 @@ def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
         if dist.name == word:
             return f"{word}({', '.join(each.name for each in dist.arguments)})", dist.doc
     said = claim_rules.FUNCTIONS.get(word) or claim_rules.MODELS.get(word)
-    return None if said is None else (said.written, said.doc)
+    if said is None:
+        return None
+    return (said.written, said.doc)
 
 
 def _of_mistakes(analysis: Analysis, offset: int) -> str | None:

@@ -153,7 +153,10 @@ class Cursor(NamedTuple):
 def cursor(text: str, offset: int, name: str) -> Cursor:
     """Return what stands at an offset of a text, which need not be complete."""
     document = read_tolerantly(text[:offset] + _MARK + text[offset:], name).document
-    found = None if document is None else document.search(_MARK)
+    if document is None:
+        found = None
+    else:
+        found = document.search(_MARK)
     if found is None:
         return Cursor((), "text")
     path, is_key, value = found

@@ -84,14 +84,20 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     file = File(Path(name), suite_of(name), text=text)
     report = check_file(file, lambda task: exact.check(task, beside=lambda task: [*undrawn(task), *look_alikes(task)]))
     statuses = [claim["status"] for each in report.tasks for claim in each.claims]
-    claims = [(["claims"], f"{statuses.count('proved')} of {len(statuses)} claims proved")] if statuses else []
+    if statuses:
+        claims = [(["claims"], f"{statuses.count('proved')} of {len(statuses)} claims proved")]
+    else:
+        claims = []
     yield {"problems": records(report.diagnostics), "lenses": claims}
     scores = []
     for each in report.tasks:
         if each.task is None:
             continue
         with suppress(SpecError):
-            place = ["name"] if each.variant is None else ["variants", each.variant]
+            if each.variant is None:
+                place = ["name"]
+            else:
+                place = ["variants", each.variant]
             scores.append((place, _words(exact.scores(each.task))))
     yield {"lenses": scores}
 

@@ -190,7 +190,9 @@ def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
     """Return where the name at a place is declared."""
     found, document = ls.analysis(params.text_document.uri)
     span = definition(found, document.offset_at_position(params.position))
-    return None if span is None else lsp.Location(document.uri, _range(span, document))
+    if span is None:
+        return None
+    return lsp.Location(document.uri, _range(span, document))
 
 
 @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
@@ -271,7 +273,10 @@ def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens
     for kind, span in tokens(found):
         place = _range(span, document)
         same_line = place.start.line == line
-        start = place.start.character - column if same_line else place.start.character
+        if same_line:
+            start = place.start.character - column
+        else:
+            start = place.start.character
         length = place.end.character - place.start.character
         data += [place.start.line - line, start, length, TOKEN_KINDS.index(kind), 0]
         line = place.start.line
@@ -290,7 +295,10 @@ def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
     for path, text in ls.checked[uri].lenses:
         inner: Any = found.document.data
         for step in path[:-1]:
-            inner = inner.get(step) if isinstance(inner, dict) else None
+            if isinstance(inner, dict):
+                inner = inner.get(step)
+            else:
+                inner = None
         if isinstance(inner, dict) and path[-1] in inner:
             place = _range(found.document.key_span(tuple(path)), document)
             shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
@@ -315,7 +323,10 @@ def laid_out(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextE
     """Return the change that gives a document its usual layout."""
     found, document = ls.analysis(params.text_document.uri)
     try:
-        new = formatted(found.text, found.name) if _IS_SPEC.search(found.text) else found.text
+        if _IS_SPEC.search(found.text):
+            new = formatted(found.text, found.name)
+        else:
+            new = found.text
     except SpecError:
         return []
     if new == found.text:

@@ -91,12 +91,16 @@ class ComparedReturn:
         """Words for the result."""
         if not self.agrees:
             return "different"
-        return "equal rationals" if self.ours.is_exact else "within the bounds of rounding"
+        if self.ours.is_exact:
+            return "equal rationals"
+        return "within the bounds of rounding"
 
     @property
     def shown(self) -> str:
         """Storm's value, in full where it is short."""
-        return str(self.storm) if self.storm.denominator < SHORT else digits(self.storm)
+        if self.storm.denominator < SHORT:
+            return str(self.storm)
+        return digits(self.storm)
 
 
 def compared(model: Model, frozen: FrozenTask) -> Iterator[ComparedReturn]:
@@ -158,7 +162,10 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fra
         policy = [{0: Fraction(1)} for _ in ready.outcomes]
     while True:
         V = _policy_values(ready, policy)
-        better = {} if pick is None else _better_actions(ready, V, pick)
+        if pick is None:
+            better = {}
+        else:
+            better = _better_actions(ready, V, pick)
         if not better:
             return V[list(ready.start).index(1)]
         for s, a in better.items():

@@ -105,7 +105,10 @@ def task_page(asked: Question) -> dict[str, Any]:
     drawn = scene(task)
     writer = HtmlWriter(beside([str(asked.place)]), marked_states(shown_page))
     sections = [section for section in shown_page.sections if section.key != "claims"]
-    heading = f"{shown_page.name}: {shown_page.title}" if shown_page.title != shown_page.name else shown_page.name
+    if shown_page.title != shown_page.name:
+        heading = f"{shown_page.name}: {shown_page.title}"
+    else:
+        heading = shown_page.name
     return {
         "name": task.name, "title": task.title, "capability": task.spec.capability or "", "id_of_task": task.id,
         "mathematics": article(heading, shown_page.summary, shown_page.description, sections, writer),
@@ -129,7 +132,10 @@ def scores(asked: Question) -> dict[str, Any]:
     raise_if_errors(sound.diagnostics)
     found = results_of(task)
     facts = gather(Report(task, (), sound.method, results=found))
-    title = "Exact scores" if found.model is not None else "Scores"
+    if found.model is not None:
+        title = "Exact scores"
+    else:
+        title = "Scores"
     return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": found.why_not}
 
 
@@ -181,7 +187,10 @@ def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
         if score is not None:
             number = float(score.value)
             row |= {"decimal": decimal(number, 10), "estimated": not score.exact}
-            row["exact"] = episodes.fraction(number) if score.exact else None
+            if score.exact:
+                row["exact"] = episodes.fraction(number)
+            else:
+                row["exact"] = None
         yield row
 
 
@@ -244,8 +253,14 @@ def values_of(p: Parameter) -> list[Any]:
     if p.kind == "bool":
         return [False, True]
     size = max(abs(p.value), 1)
-    low = p.value - size if p.low is None else p.low
-    high = low + 4 * size if p.high is None else min(p.high, max(low + 4 * size, p.value))
+    if p.low is None:
+        low = p.value - size
+    else:
+        low = p.low
+    if p.high is None:
+        high = low + 4 * size
+    else:
+        high = min(p.high, max(low + 4 * size, p.value))
     if p.kind == "int":
         step = max(1, math.ceil((high - low) / (POINTS - 1)))
         return list(range(int(low), int(high) + 1, step))
@@ -302,7 +317,10 @@ def _python(asked: Question) -> str:
 
 
 def _command(asked: Question) -> str:
-    options = ["-v", asked.variant] if asked.variant is not None else []
+    if asked.variant is not None:
+        options = ["-v", asked.variant]
+    else:
+        options = []
     for each in asked.parameters.items():
         options += ["-p", assigned([each])]
     for modifier in asked.modifiers:

@@ -61,7 +61,10 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         refuse(f"there is no exact model: {results.why_not}", results.remedy)
     plan_name = str(message.get("plan", "optimal"))
     rule = _rule(results, plan_name, float(message.get("temperature") or 1.0))
-    last = 0 if model.horizon is None else model.horizon - 1
+    if model.horizon is None:
+        last = 0
+    else:
+        last = model.horizon - 1
     t = min(max(int(message.get("time") or 0), 0), last)
     plan = tables(model, rule)
     Q, V = _evaluated(model, plan, t)
@@ -69,7 +72,10 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
-    lines = _lines(results.task, model) if model.n_states * model.n_actions <= MOST_PAIRS else None
+    if model.n_states * model.n_actions <= MOST_PAIRS:
+        lines = _lines(results.task, model)
+    else:
+        lines = None
     states = []
     for s in sorted(order.tolist()):
         states.append({
@@ -180,7 +186,10 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         words = action_words(env, known[action])
         observation, reward, terminated, truncated, info = env.step(known[action])
         if terminated or truncated:
-            ended = "terminated" if terminated else "truncated"
+            if terminated:
+                ended = "terminated"
+            else:
+                ended = "truncated"
         total += task.discount**t * reward
         visited[t + 1] = env.state
         about = {"action": words, "reward": reward, "return": total, "regret": None, "regret_text": None}
@@ -233,7 +242,9 @@ def _index(results: Results, model: Model, state: Mapping[str, Any]) -> int | No
 def fraction(value: float) -> str | None:
     """Return a number as a short fraction, where it is one up to rounding."""
     found = small_fraction(value, LARGEST, 1e-12 * max(1.0, abs(value)))
-    return None if found is None else str(found).replace("-", "−")
+    if found is None:
+        return None
+    return str(found).replace("-", "−")
 
 
 # -- episodes of policies ---------------------------------------------------------------------------------------------
@@ -273,4 +284,6 @@ def _words(value: Any) -> str:
         return ", ".join(f"{name} = {_words(part)}" for name, part in value.items())
     if isinstance(value, np.ndarray):
         return window.array_text(value)
-    return number(value, 6) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return number(value, 6)
+    return str(value)

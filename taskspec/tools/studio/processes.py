@@ -77,7 +77,9 @@ class Answerer:
                 return None
             finally:
                 self._present = 0
-            return answer if number == self._newest else None
+            if number == self._newest:
+                return answer
+            return None
 
     def warm(self) -> None:
         """Start the process before there is a question."""

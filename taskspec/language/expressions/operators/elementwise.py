@@ -80,7 +80,10 @@ def pow_(a: Number, b: Number) -> float:
 
 
 def sign(a: Number) -> Number:
-    kind = type(a) if not isinstance(a, bool) else int
+    if not isinstance(a, bool):
+        kind = type(a)
+    else:
+        kind = int
     return kind((a > 0) - (a < 0))
 
 

@@ -111,7 +111,10 @@ def remainder(document: Document) -> tuple[Document | None, set[str]]:
     for problem in found:
         place = problem.path
         if problem.code != "E202":
-            start = 2 if place[:1] == ("variants",) else 0
+            if place[:1] == ("variants",):
+                start = 2
+            else:
+                start = 0
             is_named = bool(set(place[start : start + 1]) & set(NAMED))
             place = place[: start + 1 + is_named]
         places.append(place)
@@ -172,7 +175,10 @@ def validated(merged: Merged) -> Spec:
         add_problem(collector, merged, problem)
     for section in merged.missing:
         _add_missing(collector, merged, section)
-    found = None if merged.strays else validate(merged, collector, Spec)
+    if merged.strays:
+        found = None
+    else:
+        found = validate(merged, collector, Spec)
     collector.raise_if_errors()
     assert found is not None
     return found
@@ -199,7 +205,10 @@ def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
 
 def add_problem(collector: Collector, located: Located, problem: Problem) -> None:
     """Report a problem at its place."""
-    place = located.key_span if problem.of_key else located.span
+    if problem.of_key:
+        place = located.key_span
+    else:
+        place = located.span
     collector.add(problem.code, place(problem.path), problem.message, problem.hint)
 
 
@@ -225,12 +234,18 @@ def _missing_key(loc: Path) -> Problem:
     if loc == ("taskspec",):
         message = "the file does not say in which format it is"
         return Problem("E203", (), message, "start it with `taskspec: 1`")
-    owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
+    if len(loc) > 1 and isinstance(loc[-2], str):
+        owner = f"`{loc[-2]}`"
+    else:
+        owner = "this entry"
     if loc in (("experiment",), ("exam",), ("findings",)):
         return Problem("E203", (), "the file does not say in which format it is", f"start it with `{loc[0]}: 1`")
     if len(loc) == 1:
         return Problem("E203", (), f"the file has no `{loc[-1]}`")
-    types = "one of `type: int`, `real`, `bool` and `choice`" if loc[-1] == "type" and len(loc) == 3 else None
+    if loc[-1] == "type" and len(loc) == 3:
+        types = "one of `type: int`, `real`, `bool` and `choice`"
+    else:
+        types = None
     return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", types, of_key=True)  # at the owner, or what removes it
 
 
@@ -254,7 +269,10 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):
         is_number = isinstance(value, int | float)
-        hint = "put it in quotes" if expected == "text" and is_number else None
+        if expected == "text" and is_number:
+            hint = "put it in quotes"
+        else:
+            hint = None
         return values.wrong_kind(expected, value, hint)
     return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
 
@@ -279,7 +297,10 @@ def _many(data: dict[str, Any]) -> Iterator[Problem]:
 def _bases(document: Document) -> Iterator[Problem]:
     """Variants whose `base` does not exist, or leads back to themselves."""
     variants = document.data.get("variants")
-    entries = {k: v for k, v in variants.items() if isinstance(v, dict)} if isinstance(variants, dict) else {}
+    if isinstance(variants, dict):
+        entries = {k: v for k, v in variants.items() if isinstance(v, dict)}
+    else:
+        entries = {}
     listed: list[tuple[Path, Any]] = [((), document.data), *((("variants", k), v) for k, v in entries.items())]
     for path, entry in listed:
         base = entry.get("base")
@@ -307,7 +328,10 @@ def _unknown_variant(name: str, variants: list[str]) -> Problem:
 def _roles(data: dict[str, Any]) -> Iterator[Problem]:
     roles = data.get("roles")
     known = variant_names(data)
-    variants = data.get("variants") if isinstance(data.get("variants"), dict) else {}
+    if isinstance(data.get("variants"), dict):
+        variants = data.get("variants")
+    else:
+        variants = {}
     names = [*known, *(variants or ())]
     for role, variant in roles.items() if isinstance(roles, dict) else ():
         if role in ("expert", "learner") and isinstance(variant, str) and variant not in names:
@@ -324,7 +348,10 @@ def _strays(merged: Merged) -> Iterator[Problem]:
             yield Problem("E219", path, message, suggest(name, stated) or "a claim is dropped as it is written there")
             continue
         known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
-        listed = f"its entries are {', '.join(known)}" if known else f"it has no `{section}:` section"
+        if known:
+            listed = f"its entries are {', '.join(known)}"
+        else:
+            listed = f"it has no `{section}:` section"
         message = f"the base of this variant has no `{name}` in `{section}`"
         yield Problem("E219", path, message, suggest(name, known) or listed, of_key=True)
 
@@ -341,7 +368,10 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
     elif EXTENDS in merged.document.data:
         collector.add("E210", merged.document.span((EXTENDS,)), message, "the spec that it extends has none either")
     else:
-        hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
+        if variants:
+            hint = f"only its variants are tasks: {', '.join(variants)}"
+        else:
+            hint = None
         collector.add("E210", merged.document.span(("name",)), message, hint)
 
 

@@ -187,7 +187,10 @@ class ParameterEntry(Typed):
         found = list(_typed_problems(self, self.type))
         wanted = {"int": int | str, "real": int | float | str, "bool": bool, "choice": str}[self.type]
         if not isinstance(self.default, wanted) or (isinstance(self.default, bool) and self.type != "bool"):
-            hint = "write `true` or `false`, without quotes" if self.type == "bool" else None
+            if self.type == "bool":
+                hint = "write `true` or `false`, without quotes"
+            else:
+                hint = None
             found.append(Problem("E213", ("default",), f"{values.kind(self.default)} is not of type {self.type}", hint))
         fail(found)
         return self

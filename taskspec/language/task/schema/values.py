@@ -56,7 +56,9 @@ def advice(word: str, known: Collection[str]) -> str | None:
     for form in forms:
         if re.split(r"\W", form)[0] in known:
             hint = f"write `{form}`"
-            return Advice(hint, word, form) if form.isidentifier() else hint
+            if form.isidentifier():
+                return Advice(hint, word, form)
+            return hint
     return None
 
 
@@ -100,7 +102,10 @@ def kind(value: object) -> str:
         case int() | float():
             return f"the number {value}"
         case str():
-            short = value if len(value) <= 30 else value[:29] + "…"
+            if len(value) <= 30:
+                short = value
+            else:
+                short = value[:29] + "…"
             return f"the text `{short}`"
         case list():
             return "a list"
@@ -136,7 +141,10 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
         if better in WORDS:
             better += "_"
         usable = better != text and better and not name_problem(better)
-        hint = f"for example `{better}`" if usable else None
+        if usable:
+            hint = f"for example `{better}`"
+        else:
+            hint = None
         yield Problem("E205", path, trouble, hint, of_key=True)
 
 

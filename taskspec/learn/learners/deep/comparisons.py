@@ -90,7 +90,10 @@ class PreferenceRound:
         if self.config.kept:
             shapes = jax.eval_shape(lambda k: self.query(learning, k)[0], key)
             kept = jax.tree.map(lambda x: jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype), shapes)
-        novel = None if self.curious is None else self.curious.init(third)
+        if self.curious is None:
+            novel = None
+        else:
+            novel = self.curious.init(third)
         return PreferenceState(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
 
     def query(self, learning: PolicyState, key: AnyArray) -> tuple[Pairs, StepBatch]:

@@ -73,7 +73,10 @@ def policies(
     for i, seed in enumerate(case.seeds):
         actor = seed_slice(actors, i)
         layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
-        reward = None if rewards is None else rewards(i)
+        if rewards is None:
+            reward = None
+        else:
+            reward = rewards(i)
         found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
     return found
 
@@ -109,7 +112,10 @@ def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     world = world_of(case.task, Experience())
     shown = case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
-    rows = int(first[0]) if len(first) else len(shown)
+    if len(first):
+        rows = int(first[0])
+    else:
+        rows = len(shown)
     seen = world.seen(np.asarray(shown.obs)[:rows])
     acts = world.head.vectors.flat(np.asarray(shown.acts)[:rows])
     data = (np.asarray(seen, np.float32), acts)

@@ -75,7 +75,10 @@ class RewardModel:
         inputs = state + (self.world.head.vectors.size if config.inputs == "state, action" else 0)
         layer = INITIALISERS[config.weights]
         theta = net(first, inputs, config.hidden, 1, layer)
-        phi = net(second, state, config.hidden, 1, layer) if config.shaped else None
+        if config.shaped:
+            phi = net(second, state, config.hidden, 1, layer)
+        else:
+            phi = None
         size = self.world.seen.size
         return RewardNets(theta, phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 

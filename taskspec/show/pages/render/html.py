@@ -43,7 +43,10 @@ def site(suite: Suite) -> dict[str, str]:
     }
     for i, page in enumerate(suite.pages):
         before = suite.pages[i - 1] if i else None
-        after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None
+        if i + 1 < len(suite.pages):
+            after = suite.pages[i + 1]
+        else:
+            after = None
         files[f"{page.anchor}.html"] = env.get_template("task.html").render(
             before=before, after=after, **_page(suite, page), **common
         )
@@ -95,7 +98,10 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
 def marked_states(page: Page) -> dict[str, int]:
     """Return codes of states by their symbols, for those whose transitions have a line of their own."""
     section = page.section("dynamics")
-    origins = {origin_of(line.content) for line in section.lines} - {""} if section else set()
+    if section:
+        origins = {origin_of(line.content) for line in section.lines} - {""}
+    else:
+        origins = set()
     if not origins:
         return {}
     return {plain(label): code for code, label in state_labels(page.task).items() if plain(label) in origins}

@@ -33,7 +33,10 @@ def document(suite: Suite) -> dict[str, str]:
     """Return files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
     writer = LatexWriter(frozenset(suite.cited))
-    write = writer.brief if suite.brief else writer.family
+    if suite.brief:
+        write = writer.brief
+    else:
+        write = writer.family
     texts = {family.head.anchor: write(suite, family) for family in families(suite.pages)}
     files = {f"{anchor}.tex": text for anchor, text in texts.items()}
     names = list(texts)
@@ -109,7 +112,10 @@ class LatexWriter:
             return ""
         rows = [list(map(self.cell, row)) for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
-        lines = [heads, *rows] if any(found.header) else rows
+        if any(found.header):
+            lines = [heads, *rows]
+        else:
+            lines = rows
         body = r" \\ ".join(" & ".join(row) for row in lines)
         stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
@@ -170,7 +176,10 @@ class LatexWriter:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> str:
-        where = f"[{{{escape(cite.where)}}}]" if cite.where else ""
+        if cite.where:
+            where = f"[{{{escape(cite.where)}}}]"
+        else:
+            where = ""
         if cite.key in self.known:
             return rf"\cite{where}{{{cite.key}}}"
         return escape(f"{cite.key}, {cite.where}" if cite.where else cite.key)
@@ -180,7 +189,10 @@ class LatexWriter:
             case p.Paragraph(content=content):
                 return self.prose(content)
             case p.Bullets(items=items, ordered=ordered):
-                kind = "enumerate" if ordered else "itemize"
+                if ordered:
+                    kind = "enumerate"
+                else:
+                    kind = "itemize"
                 inner = "\n".join(r"\item " + "\n\n".join(map(self.block, item)) for item in items)
                 return f"\\begin{{{kind}}}\n{inner}\n\\end{{{kind}}}"
             case _:

@@ -112,7 +112,10 @@ class MarkdownWriter:
 
     def cite(self, cite: p.Cite) -> str:
         found = self.suite.cited.get(cite.key)
-        where = f", {escape(cite.where)}" if cite.where else ""
+        if cite.where:
+            where = f", {escape(cite.where)}"
+        else:
+            where = ""
         if found is None:
             return escape(cite.key) + where
         return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
@@ -133,7 +136,10 @@ def escape_entities(text: str) -> str:
 
 def _code(text: str) -> str:
     ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
-    pad = " " if text.startswith("`") or text.endswith("`") else ""
+    if text.startswith("`") or text.endswith("`"):
+        pad = " "
+    else:
+        pad = ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
 
 
