@@ -229,9 +229,7 @@ def preferences(
     pairs = positive("pairs", pairs)
     seed = seed_of(seed)
     acting = policy_of(found, policy)
-    if length is None:
-        length = None
-    else:
+    if length is not None:
         length = positive("length", length)
     if who.needs_range:
         ends = return_ends(found, length)
