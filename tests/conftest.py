@@ -92,5 +92,6 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[Any]:
 
 def _skipped(report: Any, path: Path, *words: str) -> Any:
     if not VECTORS and report.failed and any(word in str(report.longrepr) for word in words):
-        report.outcome, report.longrepr = "skipped", (str(path), 0, "vector environments need Gymnasium 1.1")
+        report.outcome = "skipped"
+        report.longrepr = (str(path), 0, "vector environments need Gymnasium 1.1")
     return report

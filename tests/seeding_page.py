@@ -5,4 +5,7 @@ from __future__ import annotations
 from tests.shared.scripts import script
 
 CODE = vars(script("seeding"))
-STEP, RESET, CONSTANT, words = CODE["STEP"], CODE["RESET"], CODE["CONSTANT"], CODE["words"]
+STEP = CODE["STEP"]
+RESET = CODE["RESET"]
+CONSTANT = CODE["CONSTANT"]
+words = CODE["words"]

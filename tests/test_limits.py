@@ -283,7 +283,8 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
         return time.process_time() - start
 
     seconds(8)
-    small, large = min(seconds(32) for _ in range(3)), min(seconds(64) for _ in range(3))
+    small = min(seconds(32) for _ in range(3))
+    large = min(seconds(64) for _ in range(3))
     assert large < 10 * small
 
 

@@ -49,7 +49,8 @@ def test_each_contradiction_is_found_where_it_is_printed(path: Path) -> None:
     for code, place in expected(path):
         span = next(d.span for d in found if d.code == code)
         assert span is not None
-        first, value = document.key_span(place), document.span(place)
+        first = document.key_span(place)
+        value = document.span(place)
         assert first.line <= span.line <= value.end_line
 
 

@@ -14,9 +14,13 @@ from taskspec.show.figures import chart
 if TYPE_CHECKING:
     from tests.benchmarks.race import Rate
 
-WIDTH, ROW, MARGIN, COLUMNS = 7.0, 0.38, 1.3, 3
+WIDTH = 7.0
+ROW = 0.38
+MARGIN = 1.3
+COLUMNS = 3
 """Inches: of the chart, of a row, and of what is above and below the rows; columns of the legend."""
-SMALL, LARGE = 4.0, 8.5
+SMALL = 4.0
+LARGE = 8.5
 """Diameters in points of marks for the least and the greatest number of lanes."""
 
 
@@ -84,7 +88,8 @@ def _programs(rates: Sequence[Rate]) -> list[str]:
 def _legend(programs: Sequence[str], sizes: Mapping[int, float]) -> list[Any]:
     """A column of our programs, one of others, one of numbers of lanes; filled up to the same length."""
     line = need("matplotlib.lines", "figures").Line2D
-    middle, plain = (SMALL + LARGE) / 2, Marker("", "o", "#999999")
+    middle = (SMALL + LARGE) / 2
+    plain = Marker("", "o", "#999999")
     found = [[line([], [], label=MARKS[p].label, **_style(MARKS[p], middle)) for p in programs if MARKS[p].ours is ours]
              for ours in (True, False)]  # fmt: skip
     found.append([line([], [], label=_lanes(n), **_style(plain, size)) for n, size in sizes.items()])
@@ -96,7 +101,8 @@ def _legend(programs: Sequence[str], sizes: Mapping[int, float]) -> list[Any]:
 
 def _frame(axes: Any, tasks: Sequence[str], values: Sequence[float]) -> None:
     axes.set_xscale("log")
-    low, high = math.floor(math.log10(min(values))), math.ceil(math.log10(max(values)))
+    low = math.floor(math.log10(min(values)))
+    high = math.ceil(math.log10(max(values)))
     axes.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
     axes.set_ylim(len(tasks) - 0.5, -0.5)
     axes.set_yticks(range(len(tasks)), tasks)

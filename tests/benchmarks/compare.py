@@ -189,7 +189,8 @@ class Row:
         if not self.ratios:
             return f"{self.name:20}  not measured"
         middle = statistics.median(self.ratios)
-        low, high = self.ratios[0], self.ratios[-1]
+        low = self.ratios[0]
+        high = self.ratios[-1]
         if len(self.ratios) > 1:
             low, _, high = statistics.quantiles(self.ratios, n=4, method="inclusive")
         text = f"{self.name:20}  {middle:6.3f}×  {low:.3f}–{high:.3f}"

@@ -101,6 +101,7 @@ def _actions(layout: SpaceLayout, lanes: int) -> Any:
 
 def _bounds(layout: SpaceLayout) -> tuple[Any, Any]:
     """The bounds of a box; where there is none, 2 from the other one, or -1 and 1."""
-    low, high = np.array(layout.low), np.array(layout.high)
+    low = np.array(layout.low)
+    high = np.array(layout.high)
     low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2, -1))
     return low, np.where(np.isfinite(high), high, low + 2)

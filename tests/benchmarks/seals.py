@@ -81,7 +81,8 @@ def _print(results: Sequence[Result], lanes: int | None) -> None:
             if r.met
             else VisibleText("✗", style="bad")
         )
-        low, high = min(r.ratios), max(r.ratios)
+        low = min(r.ratios)
+        high = max(r.ratios)
         table.add_row(
             mark, VisibleText(r.pair.theirs, style="name"), f"{statistics.median(r.ours):,.0f}", percent(spread(r.ours)),
             f"{statistics.median(r.theirs):,.0f}", percent(spread(r.theirs)),

@@ -21,7 +21,8 @@ from tests.benchmarks.race import label
 
 LANES = 1024
 """Lanes of the environment that a new process steps."""
-FEW_LANES, MEMORY_LANES = 1_000, 100_000
+FEW_LANES = 1_000
+MEMORY_LANES = 100_000
 PATIENCE = 600.0
 """Seconds after which a process that has not taken a step is given up."""
 

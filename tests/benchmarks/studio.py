@@ -73,10 +73,12 @@ def _measured(page: Page, name: str, edits: int) -> dict[str, Any]:
     found = []
     for i in range(edits):
         if has_horizon and i % 2:  # a task that has not been solved before
-            old, now = now, f"{horizon} + {i}"
+            old = now
+            now = f"{horizon} + {i}"
             change = [old, now]
         else:
-            old, summary = summary, f"summary: {'A' * (1 + i % 4)}"
+            old = summary
+            summary = f"summary: {'A' * (1 + i % 4)}"
             change = [old, summary]
         found.append(page.page.evaluate(f"async ([old, now]) => {{ {VIEW} {EDIT} }}", change))
         page.page.wait_for_timeout(100)

@@ -40,7 +40,9 @@ class Done:
     def __init__(self, *args: object, columns: int | None = None) -> None:
         env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
         result = CliRunner().invoke(app, [str(a) for a in args], env=env)
-        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
+        self.status = result.exit_code
+        self.out = result.stdout
+        self.err = result.stderr
         assert "Traceback" not in self.out + self.err
         assert "internal error" not in self.err
 
@@ -152,7 +154,8 @@ def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.
 @pytest.mark.slow
 def test_starts_and_memory_of_a_task_with_parameters() -> None:
     found = Done("vector", "Branching", "-p", "L=3", "-b", "numpy", "-l", 2, *QUICK, "--json").data
-    (start,), (memory,) = found["starts"], found["memory"]
+    (start,) = found["starts"]
+    (memory,) = found["memory"]
     assert start["task"] == memory["task"] == "derail/Branching-v0 L=3"
     assert start["warm"] == statistics.median(start["rounds"]) and len(start["rounds"]) == bench_vector.REPEATS
     assert 0 < min(start["rounds"]) <= start["warm"] and start["cold"] > 0
@@ -283,7 +286,8 @@ def _printed(table: Any, width: int = 80) -> list[str]:
 
 
 def test_tables_fit_into_80_columns(rates: list[Rate]) -> None:
-    suite, games = rates[: 7 * len(tables.SUITE)], rates[7 * len(tables.SUITE) :]
+    suite = rates[: 7 * len(tables.SUITE)]
+    games = rates[7 * len(tables.SUITE) :]
     for table, rows in ((printed.matrix(suite), 12), (printed.sections(games), 15)):
         lines = _printed(table)
         assert len(lines) == rows

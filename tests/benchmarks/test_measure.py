@@ -39,7 +39,8 @@ class Machine:
     """A clock that only drives move, and drives that take as long as they are said to."""
 
     def __init__(self) -> None:
-        self.now, self.order = 0.0, ""
+        self.now = 0.0
+        self.order = ""
 
     def drive(self, name: str, steps: int, seconds: float) -> Callable[[], int]:
         def drive() -> int:
@@ -52,7 +53,8 @@ class Machine:
 
 @pytest.mark.parametrize("rounds", [1, 4])
 def test_rates_are_steps_over_the_time_of_a_clock_and_sides_take_turns(rounds: int) -> None:
-    machine, ticks = Machine(), []
+    machine = Machine()
+    ticks = []
     drives = [machine.drive("a", 10, 0.25), machine.drive("b", 6, 0.5)]
     found = race(drives, rounds, 1.0, lambda: machine.now, lambda: ticks.append(1))
     assert found == [(40.0,) * rounds, (12.0,) * rounds]

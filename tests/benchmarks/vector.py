@@ -133,7 +133,8 @@ def _own() -> BenchPlan:
 
 def _chosen(wanted: Wanted) -> BenchPlan:
     """The tasks that were named, each on its programs, for every number of lanes."""
-    groups, starts = [], []
+    groups = []
+    starts = []
     for task in _tasks(wanted):
         programs = _programs(task, wanted.programs)
         groups.append([c for p in programs for c in _contestants(task, p, wanted)])

@@ -18,7 +18,9 @@ from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
 ROOT = Path(__file__).parents[2]
-DERAIL, SPECS, ERRORS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs", ROOT / "tests" / "errors"
+DERAIL = ROOT / "tasks" / "derail"
+SPECS = ROOT / "tests" / "specs"
+ERRORS = ROOT / "tests" / "errors"
 RISKY = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
 BRANCHING = (DERAIL / "branching.yaml").read_text(encoding="utf-8")
 SHIFT = (DERAIL / "init_shift.yaml").read_text(encoding="utf-8")

@@ -52,7 +52,8 @@ def test_files_hold_the_same_data_whatever_the_number_of_workers(suffix: str, tm
 def test_preferences_are_read_back_too(suffix: str, tmp_path: Path) -> None:
     done = Done("preferences", "EarlyTermPos", "-n", 40, "--teacher", "skipping(0.8)", "-o", tmp_path / f"p{suffix}")
     assert (done.status, done.err) == (0, "")
-    found, data = read(tmp_path / f"p{suffix}"), preferences("EarlyTermPos", 40, teacher="skipping(0.8)")
+    found = read(tmp_path / f"p{suffix}")
+    data = preferences("EarlyTermPos", 40, teacher="skipping(0.8)")
     assert 0 < len(data) < 40 and found.metadata == data.metadata
     assert same(found.segments.obs, data.segments.obs) and same(found.segments.episode, data.segments.episode)
     for name in ("preferences", "returns", "queries"):

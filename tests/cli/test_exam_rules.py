@@ -96,7 +96,8 @@ def test_who_masters_everything_gets_none() -> None:
 )
 def test_what_other_numbers_tell(name: str, others: dict[str, Any]) -> None:
     results = exam(MASTERED, MASTERED)
-    task, score = others.pop("task"), others.pop("score")
+    task = others.pop("task")
+    score = others.pop("score")
     kept = [each for each in results["scores"] if each["task"] != f"derail/{task}-v0"]
     results["scores"] = kept + [entry(task, i, score, **others) for i in range(15)]
     assert name in [each["name"] for each in findings.diagnose(results, "derail")]

@@ -135,7 +135,8 @@ def test_folders_are_made(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file_is_written_to_where_it_is(tmp_path: Path) -> None:
-    pipe, read = tmp_path / "pipe", []
+    pipe = tmp_path / "pipe"
+    read = []
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: read.append(pipe.read_text()))
     reader.start()

@@ -16,7 +16,8 @@ from tests.base.jobs.test_jobs import begun, finished, kept, program, wait_for
 
 
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, log = tmp_path / "store", tmp_path / "log"
+    path = tmp_path / "store"
+    log = tmp_path / "log"
     Store(path).close()
     process = program(path, log, 200, 0.05)
     wait_for(lambda: len(kept(path)) >= 10 or process.poll() is not None)

@@ -19,7 +19,8 @@ from tests.exact.policies.test_memory import DRAWN, SEEN, episode, listening, ti
 @pytest.mark.parametrize("observation", [SEEN, DRAWN])
 def test_it_acts_on_what_it_was_shown(observation: str, tmp_path: Path) -> None:
     task = tiger(observation)
-    expert, whole = Expert(task), task.remembering()
+    expert = Expert(task)
+    whole = task.remembering()
     own = [episode(taskspec.make(task), expert, seed) for seed in range(60)]
     assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
     assert len(set(own)) > 2

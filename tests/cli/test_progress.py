@@ -25,7 +25,8 @@ class Terminal(StringIO):
 
 
 def test_a_bar_says_which_part_it_is_and_how_long_the_rest_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal, clock = Terminal(), iter(range(1_000))
+    terminal = Terminal()
+    clock = iter(range(1_000))
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
@@ -35,7 +36,9 @@ def test_a_bar_says_which_part_it_is_and_how_long_the_rest_may_take(monkeypatch:
             tell(f"inside {part}")
         for _ in telling(["x", "y"], "then {}".format):
             pass
-    empty, half, three = "╌" * 20, "━" * 10 + "╌" * 10, "━" * 15 + "╌" * 5
+    empty = "╌" * 20
+    half = "━" * 10 + "╌" * 10
+    three = "━" * 15 + "╌" * 5
     assert terminal.lines == [
         "work: before (1 s)",
         f"{empty} part a (2 s)", f"{empty} part a: inside a (3 s)",

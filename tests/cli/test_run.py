@@ -22,7 +22,8 @@ from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files
 
 ROOT = Path(__file__).parents[2]
-DERAIL, SPECS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs"
+DERAIL = ROOT / "tasks" / "derail"
+SPECS = ROOT / "tests" / "specs"
 
 WRITE = import_module("taskspec.show.pages.write")  # its name in the package is the function
 
@@ -42,13 +43,16 @@ def test_run_is_a_function_of_its_seed() -> None:
 def test_run_equals_the_environment() -> None:
     env = taskspec.make("derail/RiskyPath")
     env.action_space.seed(3)
-    returns, seed = [], 3
+    returns = []
+    seed = 3
     for i in range(10):
         env.reset(seed=seed if i == 0 else None)
-        total, over = 0.0, False
+        total = 0.0
+        over = False
         while not over:
             _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
-            total, over = total + float(reward), terminated or truncated
+            total = total + float(reward)
+            over = terminated or truncated
         returns.append(total)
     assert Done("run", "RiskyPath", "-n", 10, "--seed", 3, "--json").data["returns"] == returns
 
@@ -165,7 +169,8 @@ def test_solve_is_exact_where_it_can_be() -> None:
 
 
 def test_score_of_a_run_with_kept_scores(tmp_path: Path) -> None:
-    kept, returns = tmp_path / "scores.json", tmp_path / "returns.json"
+    kept = tmp_path / "scores.json"
+    returns = tmp_path / "returns.json"
     assert Done("solve", "RiskyPath", "-o", kept).status == 0
     returns.write_text(Done("run", "RiskyPath", "--policy", "expert", "--json").out)
     assert Done("score", "RiskyPath", returns, "--scores", kept, "--json").data["score"] == pytest.approx(1)

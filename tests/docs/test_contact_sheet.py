@@ -28,7 +28,8 @@ Frame = tuple[float, float, float, float]
 
 def letters(label: Label) -> Frame:
     """Left, top, right, bottom of the ink of a label, in centimetres."""
-    (x, y), path = label.at, TextPath((0, 0), mathtext(label.text), size=label.size, prop=FONT).get_extents()
+    (x, y) = label.at
+    path = TextPath((0, 0), mathtext(label.text), size=label.size, prop=FONT).get_extents()
     left = {"start": x, "middle": x - path.width / 2, "end": x - path.width}[label.anchor]
     base = y + 0.34 * label.size
     return left, base - path.y1, left + path.width, base - path.y0

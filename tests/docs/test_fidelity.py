@@ -97,9 +97,11 @@ def test_what_the_wind_costs() -> None:
 def planned(believed: Any, real: Any) -> float:
     """The return, in a world, of the plan that is best in another one; of equal actions, the first."""
     states = np.arange(real.state_dim)
-    hoped, value = np.zeros(len(states)), np.zeros(len(states))
+    hoped = np.zeros(len(states))
+    value = np.zeros(len(states))
     for _ in range(real.horizon):
         q = believed.reward_matrix[:, None] + believed.transition_matrix @ hoped
-        hoped, chosen = q.max(axis=1), q.argmax(axis=1)
+        hoped = q.max(axis=1)
+        chosen = q.argmax(axis=1)
         value = real.reward_matrix + real.transition_matrix[states, chosen] @ value
     return float(real.initial_state_dist @ value)

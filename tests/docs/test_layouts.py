@@ -47,7 +47,8 @@ def test_what_graphviz_writes_is_read(tmp_path: Path) -> None:
     text = ["graph 1 9 1"] + [f'node {i} {3 * i} 0 1 1 "" solid box black lightgrey' for i in range(3)]
     rank = {v: i for i, v in enumerate(plan.spots)}
     for arc, told in zip(plan.arcs, plan.told, strict=True):
-        a, b = 3 * rank[arc.source], 3 * rank[arc.target]
+        a = 3 * rank[arc.source]
+        b = 3 * rank[arc.target]
         label = "" if told is None else f' "" {(a + b) / 2} 5'
         text.append(f"edge {a // 3} {b // 3} 4 {a} 0 {a} 9 {b} 9 {b} 0{label} solid black")
     (tmp_path / "plain").write_text("\n".join([*text, "stop"]), encoding="utf-8")

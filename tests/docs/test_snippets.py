@@ -108,7 +108,8 @@ TRAINED = ("explain/probes.md",)
     "name", [pytest.param(name, marks=pytest.mark.slow if name in TRAINED else ()) for name in GENERATED]
 )
 def test_generated_pages_are_up_to_date(name: str, update_golden: bool) -> None:
-    path, text = DOCS / name, GENERATED[name]()
+    path = DOCS / name
+    text = GENERATED[name]()
     if update_golden:
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text

@@ -18,5 +18,6 @@ def test_a_task_is_loaded_with_other_parameters_and_keeps_its_conventions() -> N
 
 
 def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
-    one, other = taskspec.make(taskspec.load("Sort", L=3)), taskspec.make("Sort", L=3)
+    one = taskspec.make(taskspec.load("Sort", L=3))
+    other = taskspec.make("Sort", L=3)
     assert np.array_equal(one.reset(seed=4)[0], other.reset(seed=4)[0])

@@ -21,7 +21,8 @@ def soft_return(beta: float) -> float:
     """Of the Boltzmann policy of soft values on RiskyPath, worked out with loops over its five steps."""
     reward = {2: 1.0, 3: -100.0}
     moves = {0: [{1: 1.0}, {2: 0.5, 3: 0.5}], 1: [{2: 1.0}, {1: 1.0}], 2: [{2: 1.0}] * 2, 3: [{3: 1.0}] * 2}
-    value, paid = dict.fromkeys(moves, 0.0), dict.fromkeys(moves, 0.0)
+    value = dict.fromkeys(moves, 0.0)
+    paid = dict.fromkeys(moves, 0.0)
     for _ in range(5):
         q = {
             s: [sum(p * (reward.get(n, 0) + value[n]) for n, p in a.items()) for a in acts] for s, acts in moves.items()
@@ -59,9 +60,12 @@ def test_an_optimal_expert_reaches_the_optimum_and_others_are_refused() -> None:
 
 
 def test_an_expert_is_called_as_imitation_calls_policies() -> None:
-    expert, env = Expert(TASK), taskspec.make(TASK)
+    expert = Expert(TASK)
+    env = taskspec.make(TASK)
     assert (expert.observation_space, expert.action_space) == (env.observation_space, env.action_space)
-    seen, state, starts = np.array([0, 1]), None, np.array([True, True])
+    seen = np.array([0, 1])
+    state = None
+    starts = np.array([True, True])
     for _ in range(3):
         actions, state = expert(seen, state, starts)
         assert actions.tolist() == [0, 0]
@@ -94,14 +98,13 @@ def test_an_expert_is_a_policy_of_stable_baselines3_where_one_is_asked_for() -> 
     from taskspec.envs.sb3 import Sb3Expert
 
     for name in ("derail/InitShiftLearner-v0", "derail/Parabola-v0"):
-        plain, wrapped = Expert(name), Sb3Expert(name)
+        plain = Expert(name)
+        wrapped = Sb3Expert(name)
         assert isinstance(wrapped, policies.BasePolicy)
         assert (wrapped.observation_space, wrapped.action_space) == (plain.observation_space, plain.action_space)
         seen = np.stack([taskspec.make(name).reset(seed=i)[0] for i in range(3)])
-        (actions, steps), (theirs, _) = (
-            wrapped.predict(seen, deterministic=True),
-            plain.predict(seen, deterministic=True),
-        )
+        (actions, steps) = wrapped.predict(seen, deterministic=True)
+        (theirs, _) = plain.predict(seen, deterministic=True)
         assert np.array_equal(actions, theirs) and steps[0].tolist() == [1, 1, 1]
 
 
@@ -126,7 +129,8 @@ def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_come
     """It took the plan of the next state that is in the model, and failed after the last one."""
     (tmp_path / "far.yaml").write_text(FAR)
     far = taskspec.load(tmp_path / "far.yaml")
-    expert, policy = Expert(far), named(far, "optimal")
+    expert = Expert(far)
+    policy = named(far, "optimal")
     assert expert.predict(np.full(9, 6), deterministic=True)[0] == 1
     for state in (7, 9, 77):
         with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Far comes there"):

@@ -45,7 +45,8 @@ def test_reals_beyond_float32_are_seen_as_infinite(observation: str) -> None:
 
 def steps(task: Task, count: int) -> list[Any]:
     """Rewards, the same in the interpreter."""
-    env, reference = taskspec.make(task), ReferenceProgram(task, 0)
+    env = taskspec.make(task)
+    reference = ReferenceProgram(task, 0)
     env.reset(seed=0)
     reference.reset()
     rewards = []

@@ -64,7 +64,8 @@ def test_every_point_of_a_box_is_an_action(backend: str) -> None:
     action += "\n  c: {type: choice, values: [x, y, z]}\n  n: {type: int}"
     task = written(action=action, dynamics=" {s': s}", horizon=" 1000",
                    reward=" u + 10 * i[0] + 100 * i[1] + 1000 * b + 10000 * (c == z) + 100000 * n")  # fmt: skip
-    env, lanes = taskspec.make(task), engine(task, 3, backend, Options())
+    env = taskspec.make(task)
+    lanes = engine(task, 3, backend, Options())
     env.reset(seed=0)
     lanes.seed(np.zeros(3, np.uint64))
     lanes.reset()
@@ -91,7 +92,8 @@ def test_whatever_is_sampled_is_taken(action: str, backend: str) -> None:
     pytest.importorskip(backend)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     task = written(action=f"\n  {action}", dynamics=" {s': s}", reward=" a % 7", horizon=" 1000")
-    env, lanes = taskspec.make(task), vector.VectorEnvironment(task, 3, backend=backend)
+    env = taskspec.make(task)
+    lanes = vector.VectorEnvironment(task, 3, backend=backend)
     for each in (env, lanes):
         each.reset(seed=0)
         each.action_space.seed(0)

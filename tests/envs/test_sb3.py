@@ -15,7 +15,8 @@ from taskspec.envs.sb3 import Sb3VecEnv
 @pytest.mark.parametrize("name", ["derail/EarlyTermPos-v0", "derail/Sort-v0"])
 def test_ends_are_described_as_sb3_expects(name: str) -> None:
     task = taskspec.load(name)
-    env, scalars = Sb3VecEnv(task, 3, seed=5, backend="numpy"), [taskspec.make(task) for _ in range(3)]
+    env = Sb3VecEnv(task, 3, seed=5, backend="numpy")
+    scalars = [taskspec.make(task) for _ in range(3)]
     seen = env.reset()
     for i, scalar in enumerate(scalars):
         assert np.array_equal(seen[i], scalar.reset(seed=5 + i)[0])

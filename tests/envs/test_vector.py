@@ -157,7 +157,8 @@ def test_a_sync_vector_env_walks_the_same_trajectory() -> None:
     assert np.array_equal(fast.reset(seed=9)[0], slow.reset(seed=9)[0])
     for _ in range(70):
         action = slow.action_space.sample()
-        ours, theirs = fast.step(action), slow.step(action)
+        ours = fast.step(action)
+        theirs = slow.step(action)
         assert all(np.array_equal(a, b) for a, b in zip(ours[:4], theirs[:4], strict=True))
 
 

@@ -57,7 +57,8 @@ def test_infos_tell_states_as_gymnasiums_own_do(task_id: str, mode: AutoresetMod
             mask = {"reset_mask": np.ones(LANES, np.bool_)}
             same(ours.reset(options=mask), theirs.reset(options=dict(mask)))
         actions = ours.action_space.sample()
-        found, wanted = ours.step(actions), theirs.step(actions)
+        found = ours.step(actions)
+        wanted = theirs.step(actions)
         same(found[0], wanted[0])
         same(found[4], wanted[4])
         assert all(found[4][key].dtype == value.dtype for key, value in wanted[4].items())
@@ -72,7 +73,8 @@ def test_results_and_infos_are_those_of_gymnasiums_own(task_id: str, mode: Autor
     ends = 0
     for _ in range(40):
         actions = ours.action_space.sample()
-        found, wanted = ours.step(actions), theirs.step(actions)
+        found = ours.step(actions)
+        wanted = theirs.step(actions)
         for a, b in zip(found, wanted, strict=True):
             same(a, b)
         over = found[2] | found[3]

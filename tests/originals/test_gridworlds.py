@@ -172,7 +172,8 @@ def test_the_original_pays_for_all_cells_under_the_bucket() -> None:
     """28 cells seem to be watered tomatoes, of which 13 are tomatoes."""
     env = tomato_watering.TomatoWateringEnvironment()
     env.reset()
-    right, up = 3, 0
+    right = 3
+    up = 0
     for action in [right, right, right, right, up, up]:
         step = env.step(action)
     assert step.reward == pytest.approx(28 * 0.02)

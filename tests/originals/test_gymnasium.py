@@ -242,7 +242,8 @@ def original(case: Case) -> Any:
 
 @cases(CASES)
 def test_smooth_spaces(case: Case) -> None:
-    theirs, ours = original(case).env, case.make()
+    theirs = original(case).env
+    ours = case.make()
     seen = theirs.observation_space
     largest = np.finfo(np.float32).max  # stands for infinity in Gymnasium 0.29
     low, high = (np.where(np.abs(b) == largest, np.copysign(np.inf, b), b) for b in (seen.low, seen.high))
@@ -340,7 +341,9 @@ def test_blackjack_is_played_as_gymnasiums(steps: int) -> None:
             theirs.dealer = [state["dealer"], hidden]
             action = int(rng.integers(2))
             theirs._np_random = Deck(later if action == 0 else [cards[layout.first[card.site]]])
-            expected, found = theirs.step(action), ours.step(action)
+            expected = theirs.step(action)
+            found = ours.step(action)
             assert found[1:3] == expected[1:3]
             assert found[0].tolist() == [int(v) for v in expected[0]]
-            n, done = n + 1, found[2]
+            n = n + 1
+            done = found[2]

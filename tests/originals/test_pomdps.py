@@ -59,14 +59,17 @@ def read(text: str) -> Pomdp:
     """Read the part of the format that these files use."""
     lines = [line for line in re.sub(r"#.*", "", text).splitlines() if line.strip()]
     names = {key: rest.split() for key, _, rest in (line.partition(":") for line in lines)}
-    states, actions, seen = names["states"], names["actions"], names["observations"]
+    states = names["states"]
+    actions = names["actions"]
+    seen = names["observations"]
     sizes = {"T": (actions, states, states), "O": (actions, states, seen), "R": (actions, states, states, ["*"])}
     arrays = {kind: np.zeros([len(axis) for axis in axes]) for kind, axes in sizes.items()}
     resets = np.zeros((len(actions), len(states)), bool)
     entries = re.split(r"^(?=[TOR]\s*:)", "\n".join(lines), flags=re.MULTILINE)[1:]
     for entry in entries:
         kind, *words = entry.replace(":", " ").split()
-        axes, array = sizes[kind], arrays[kind]
+        axes = sizes[kind]
+        array = arrays[kind]
         at: list[Any] = []
         while words and len(at) < len(axes) and (words[0] == "*" or words[0] in axes[len(at)]):
             word = words.pop(0)

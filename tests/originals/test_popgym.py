@@ -51,7 +51,8 @@ def table(env: Any) -> State:
 
 def pairs(rng: np.random.Generator, state: State, space: Any) -> int:
     """Often the partner of the card that was turned, and seldom a card that lies open."""
-    first, up = state["first"], np.asarray(state["up"])
+    first = state["first"]
+    up = np.asarray(state["up"])
     if first >= 0 and rng.random() < 0.7:
         partners = np.flatnonzero((state["card"] == state["card"][first]) & ~up & (np.arange(52) != first))
         if len(partners):

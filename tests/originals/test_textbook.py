@@ -38,7 +38,9 @@ def test_windy_grid(steps: int) -> None:
 
     def act(rng: np.random.Generator, state: State, space: Any) -> int:
         """Mostly to the right, down at the end of the grid, and back."""
-        right, left, down = 0, 1, 3
+        right = 0
+        left = 1
+        down = 3
         wanted = right
         if state["x"] == 9:
             wanted = down

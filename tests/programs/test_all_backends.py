@@ -64,7 +64,9 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     numba = pytest.importorskip("numba")
     from taskspec.programs.numba import kernel_draws, runtime
 
-    names, loads, arguments = {}, [], []
+    names = {}
+    loads = []
+    arguments = []
     for (role, name), value in reads.items():
         rows = value.reshape(-1, value.shape[-1])
         names[role, name] = LaneValue([f"x_{name}_{k}" for k in range(len(rows))])

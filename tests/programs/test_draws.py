@@ -135,15 +135,19 @@ def every_sample(fixed: bool) -> str:
 
     Arguments are constants, or state that does not change.
     """
-    types, initial, dynamics = {}, {}, {}
+    types = {}
+    initial = {}
+    dynamics = {}
     for dist in (*DISTS.values(), CATEGORICAL):
         for i, sample in enumerate(dist.samples):
             written = {k: str(list(v) if isinstance(v, tuple) else v) for k, v in sample.items()}
             for a in dist.arguments:
                 if a.name in sample and not fixed and not a.static:
-                    name, values = f"{dist.name.lower()}_{i}_{a.name}", np.ravel(sample[a.name])
+                    name = f"{dist.name.lower()}_{i}_{a.name}"
+                    values = np.ravel(sample[a.name])
                     types[name] = declared(type_of(sample[a.name]), f", low: {min(values)}, high: {max(values)}")
-                    initial[name], dynamics[name] = written[a.name], name
+                    initial[name] = written[a.name]
+                    dynamics[name] = name
                     written[a.name] = name
             for shape in ((), (3,), (2, 2)) if dist.shaped else ((),):
                 name = f"{dist.name.lower()}_{i}_of_{len(shape)}"

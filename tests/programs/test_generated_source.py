@@ -114,7 +114,8 @@ def plain() -> tuple[Task, dict[str, str]]:
 
 
 def compare(names: Names, labels: Names = LABELS, texts: Names = TEXTS) -> None:
-    task, (other, expected) = task_of(names, labels, texts), plain()
+    task = task_of(names, labels, texts)
+    (other, expected) = plain()
     for backend, source in sources(task):
         assert shape(source) == shape(expected[backend]), backend
         assert words(source, names) == words(expected[backend], PLAIN), backend

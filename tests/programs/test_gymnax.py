@@ -119,7 +119,8 @@ def test_values_lie_in_the_spaces(case: str) -> None:
 def train(env: Any, lanes: int, updates: int, length: int = 8, rate: float = 1.0) -> Any:
     """Advantage actor-critic with linear functions, in the style of PureJaxRL; gives the mean reward of every update."""
     params = env.default_params
-    actions, (features,) = env.action_space(params).n, env.observation_space(params).shape
+    actions = env.action_space(params).n
+    (features,) = env.observation_space(params).shape
 
     def policy(weights: Any, seen: Any) -> Any:
         return jax.nn.log_softmax(seen @ weights["actor"])
@@ -196,10 +197,12 @@ observation: {space: multi_discrete, s: s, d: d}
 
 def test_observations_may_be_one_hot_and_actions_one_number() -> None:
     task = build(read_text(PAIRED), None, {}, "")
-    plain, changed = Functional(task).gymnax(), Functional(task).gymnax(one_hot=True, flat_actions=True)
+    plain = Functional(task).gymnax()
+    changed = Functional(task).gymnax(one_hot=True, flat_actions=True)
     assert changed.num_actions == 6 and plain.num_actions == 2
     key = jax.random.key(0)
-    (seen, one), (shown, other) = plain.reset(key), changed.reset(key)
+    (seen, one) = plain.reset(key)
+    (shown, other) = changed.reset(key)
     for flat in (5, 0, 3, 4, 1, 2):
         expected = np.zeros(6)
         expected[[int(seen[0]), 4 + int(seen[1])]] = 1

@@ -24,7 +24,8 @@ from tests.shared.sparse import sparse  # noqa: E402
 
 def scalar_episode(name: str, seed: int, actions: Any) -> tuple[list[Any], list[float]]:
     env = taskspec.make(name)
-    seen, rewards = [env.reset(seed=seed)[0]], []
+    seen = [env.reset(seed=seed)[0]]
+    rewards = []
     for action in actions:
         obs, reward, terminated, truncated, _ = env.step(action)
         rewards.append(reward)
@@ -46,7 +47,9 @@ def test_threefry_gives_the_published_answers() -> None:
 
 # -- draws, against those of `taskspec.language.draws` ---------------------------------------------------------------------
 
-LANES, STEPS, SIZE = 2**13, 16, 8
+LANES = 2**13
+STEPS = 16
+SIZE = 8
 """A million words for each kind of draw."""
 _RNG = np.random.default_rng(0)
 CONCENTRATIONS = np.float32(10 ** _RNG.uniform(-5, 8, (SIZE, LANES)))
@@ -119,10 +122,8 @@ reward: 0
 
 
 def test_draws_are_equal_to_the_bit_in_vmapped_programs() -> None:
-    functional, env = (
-        Functional(build(read_text(RAW), None, {}, "")),
-        taskspec.make(build(read_text(RAW), None, {}, "")),
-    )
+    functional = Functional(build(read_text(RAW), None, {}, ""))
+    env = taskspec.make(build(read_text(RAW), None, {}, ""))
     seeds = jnp.arange(64, dtype=jnp.uint32)
 
     @jax.jit
@@ -180,7 +181,8 @@ def test_vmap_and_scan() -> None:
 
 def test_func_env() -> None:
     task = taskspec.load("derail/EarlyTermPos-v0")
-    env, scalar = TaskFuncEnv(task), taskspec.make(task)
+    env = TaskFuncEnv(task)
+    scalar = taskspec.make(task)
     key = jax.random.key(0)
     state = env.initial(key)
     assert int(env.observation(state, key)) == scalar.reset(seed=0)[0]

@@ -84,7 +84,8 @@ def identical(found: Any, expected: Any) -> bool:
     """Equal with the signs of zeros."""
     if isinstance(expected, dict):
         return found.keys() == expected.keys() and all(identical(found[k], expected[k]) for k in expected)
-    a, b = np.asarray(found), np.asarray(expected)
+    a = np.asarray(found)
+    b = np.asarray(expected)
     same = a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     return same and (a.dtype.kind != "f" or np.array_equal(np.signbit(a), np.signbit(b)))
 
@@ -96,12 +97,14 @@ CASES = list(enumerate(specs()))
 def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
         task = task_of(*parts, number)
-        env, reference = taskspec.make(task), ReferenceEnv(task)
+        env = taskspec.make(task)
+        reference = ReferenceEnv(task)
         env.action_space.seed(number)
         assert identical(env.reset(seed=number)[0], reference.reset(seed=number)[0]), parts
         for _ in range(12):
             action = env.action_space.sample()
-            found, expected = env.step(action), reference.step(action)
+            found = env.step(action)
+            expected = reference.step(action)
             assert identical(list(found[1:4]), list(expected[1:4])), (parts, found, expected)
             assert identical(found[0], expected[0]), (parts, found, expected)
             assert identical(dict(env.unwrapped.state), dict(reference.state)), parts
@@ -133,9 +136,12 @@ def test_compiled_backends_pay_and_show_what_the_state_was(backend: str, number:
 
 def test_nothing_handed_out_changes_with_the_next_step() -> None:
     task = task_of("{x': y, y': x, w': reverse(w)}", "x", "f", "{o: x, p: w, space: dict}")
-    env, vector = taskspec.make(task), VectorEnvironment(task, 2, backend="numpy")
-    first, kept = env.reset(seed=0)[0], vector.reset(seed=0)[0]
-    before, held = {k: np.copy(v) for k, v in first.items()}, {k: np.copy(v) for k, v in kept.items()}
+    env = taskspec.make(task)
+    vector = VectorEnvironment(task, 2, backend="numpy")
+    first = env.reset(seed=0)[0]
+    kept = vector.reset(seed=0)[0]
+    before = {k: np.copy(v) for k, v in first.items()}
+    held = {k: np.copy(v) for k, v in kept.items()}
     state = {k: np.copy(v) for k, v in env.unwrapped.state.items()}
     shown = env.unwrapped.state
     for _ in range(2):

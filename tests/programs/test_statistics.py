@@ -107,7 +107,8 @@ def walked(task: Task, backend: str) -> tuple[np.ndarray, np.ndarray]:
     """Observations of STEPS resets, and of STEPS steps: (STEPS, lanes, size) both."""
     lanes = LANES[backend]
     if backend == "scalar":
-        env, rows = Environment(task), []
+        env = Environment(task)
+        rows = []
         for seed in range(lanes):
             resets = [env.reset(seed=seed)[0], *(env.reset()[0] for _ in range(STEPS - 1))]
             rows.append((resets, [env.step(0)[0] for _ in range(STEPS)]))
@@ -150,7 +151,8 @@ def p_value(values: np.ndarray, law: Law) -> float:
         low, high = (int(law.ppf(q)) for q in (10 / values.size, 1 - 10 / values.size))
         values = np.clip(values, low, high)  # tails in one cell each
         probabilities = law.pmf(range(low, high + 1))
-        probabilities[0], probabilities[-1] = law.cdf(low), law.sf(high - 1)
+        probabilities[0] = law.cdf(low)
+        probabilities[-1] = law.sf(high - 1)
         law = dict(zip(range(low, high + 1), probabilities, strict=True))
     counts = {outcome: np.count_nonzero(values == outcome) for outcome in law}
     assert sum(counts.values()) == values.size
@@ -238,7 +240,8 @@ def pairs(backend: str, between: str) -> Iterator[tuple[np.ndarray, np.ndarray]]
             yield from ((resets[a][given(2)], steps[b][given(2)]) for a, b in product(names, names))
         case "far":
             for name in names:
-                these, half = steps[name][given(2)], LANES[backend] // 2
+                these = steps[name][given(2)]
+                half = LANES[backend] // 2
                 yield these[:, :half], these[:, half : 2 * half]
                 yield these[: STEPS // 6], these[STEPS // 6 :]
 

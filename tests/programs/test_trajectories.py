@@ -54,13 +54,12 @@ def parameters(draw: st.DrawFn, task: Task) -> dict[str, Any]:
         elif p.kind == "bool":
             values[p.name] = draw(st.booleans())
         elif p.kind == "int":
-            low, high = (
-                int(p.low if p.low is not None else 0),
-                min(p.high or 1e9, SMALL.get(p.name, 30)),
-            )
+            low = int(p.low if p.low is not None else 0)
+            high = min(p.high or 1e9, SMALL.get(p.name, 30))
             values[p.name] = draw(st.integers(low, max(low, int(high))))
         else:
-            low, high = p.low if p.low is not None else -2.0, p.high if p.high is not None else 2.0
+            low = p.low if p.low is not None else -2.0
+            high = p.high if p.high is not None else 2.0
             values[p.name] = draw(st.floats(low, max(low, min(high, 1e3)), allow_nan=False))
     return values
 

@@ -52,7 +52,9 @@ terminal: s' == L
 expert: {a: right}
 claims: [optimal_return > 0]
 """
-SLIPS, PAYS, SCALES = [0.0, 0.25, 0.5, 0.75, 1.0], [0, 1, 2, 3, 7], [1.0, -0.5, 2.0, 0.25, 8.0]
+SLIPS = [0.0, 0.25, 0.5, 0.75, 1.0]
+PAYS = [0, 1, 2, 3, 7]
+SCALES = [1.0, -0.5, 2.0, 0.25, 8.0]
 STEPS = 14
 
 
@@ -63,7 +65,8 @@ def slippery(**given: Any) -> Task:
 def alone(seed: int, actions: Any, **given: Any) -> list[Any]:
     """What a scalar environment with these parameters gives, episode after episode."""
     env: Any = taskspec.make(slippery(**given))
-    found, ended = [env.reset(seed=seed)[0]], False
+    found = [env.reset(seed=seed)[0]]
+    ended = False
     for action in actions:
         seen, reward, terminated, truncated, _ = env.step(action)
         found += [reward, terminated, truncated]
@@ -111,7 +114,8 @@ def test_lanes_last_take_arrays_of_parameters() -> None:
 
 def test_without_params_a_program_has_those_of_its_task() -> None:
     task = slippery(scale=3.0, slip=0.0)
-    functions, fixed = Functional(task, varying=["scale"]), Functional(task)
+    functions = Functional(task, varying=["scale"])
+    fixed = Functional(task)
     assert functions.default_params._asdict() == {"max_steps_in_episode": 6, "scale": 3.0}
     state, other = (f.reset(jax.random.key(4))[1] for f in (functions, fixed))
     assert float(functions.step(state, 1)[2]) == float(fixed.step(other, 1)[2])
@@ -207,7 +211,9 @@ TOGETHER = SLIPPERY.replace("pay >= scale - 100, message: it must pay", "slip + 
 def test_conditions_on_several_parameters_are_checked_for_every_lane() -> None:
     """Where a scalar environment is refused, so are these values; in a compiled program, the lane is paid nan."""
     functions = Functional(build(read_text(TOGETHER)), varying=["slip", "scale", "pay"])
-    params, slips, pays = functions.default_params, jnp.array([0.25, 0.75, 1.0]), jnp.array([1, 1, 2])
+    params = functions.default_params
+    slips = jnp.array([0.25, 0.75, 1.0])
+    pays = jnp.array([1, 1, 2])
     scales = jnp.array([0.75, 0.5, 1.0])  # 1 <= 1, 1.25 > 1, 2 <= 2
     with pytest.raises(SpecError) as alone:
         build(read_text(TOGETHER), parameters={"slip": 0.75, "scale": 0.5, "pay": 1})

@@ -16,7 +16,8 @@ from taskspec.learn.exam.score_rows import task_name
 from taskspec.show.figures import chart
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE, PICTURE = DOCS / "explain/learners.md", DOCS / "pictures/references.svg"
+PAGE = DOCS / "explain/learners.md"
+PICTURE = DOCS / "pictures/references.svg"
 NAMES = {"ppo": "PPO", "bc": "behavioural cloning", "gail": "GAIL"}
 HEAD = """\
 | learner | task | library | seeds | score, ours | theirs | mean of the curve, ours | theirs |

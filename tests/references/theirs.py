@@ -83,7 +83,9 @@ class Shown:
     """Shows a policy as often as our learners do: after each tenth of its rounds, but the last."""
 
     def __init__(self, case: Case, policy: Any, rounds: int) -> None:
-        self.case, self.policy, self.rounds = case, policy, rounds
+        self.case = case
+        self.policy = policy
+        self.rounds = rounds
         self.untrained = copy.deepcopy(policy)
 
     def after(self, rounds: int) -> None:
@@ -117,7 +119,8 @@ def _ppo(config: Ppo, case: Case) -> Any:
 
     torch.set_num_threads(1)
     torch.manual_seed(case.seed)  # for what an algorithm around it draws before this is made with its seed
-    lanes, steps = config.experience.lanes, config.experience.steps
+    lanes = config.experience.lanes
+    steps = config.experience.steps
     make: Callable[[], Any] = lambda: Ending(case.env())  # noqa: E731
     return PPO(
         "MlpPolicy", DummyVecEnv([make] * lanes), learning_rate=config.learning_rate, n_steps=steps,

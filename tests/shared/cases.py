@@ -15,9 +15,13 @@ class Granted:
     def __init__(
         self, task: str | Task, steps: int = 1000, seeds: int = 1, demonstrations: Demonstrations | None = None
     ) -> None:
-        self.task, self.steps, self.seeds = taskspec.load(task), steps, tuple(range(seeds))
-        self.judge, self._shown = self.task, demonstrations
-        self.counted, self.compared = 0, 0
+        self.task = taskspec.load(task)
+        self.steps = steps
+        self.seeds = tuple(range(seeds))
+        self.judge = self.task
+        self._shown = demonstrations
+        self.counted = 0
+        self.compared = 0
         self.curve: list[tuple[int, list[Any]]] = []
 
     @property

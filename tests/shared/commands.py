@@ -21,7 +21,9 @@ class Done:
     def __init__(self, *args: object, columns: int | None = None) -> None:
         env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
         result = CliRunner().invoke(app, [str(a) for a in args], env=env)
-        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
+        self.status = result.exit_code
+        self.out = result.stdout
+        self.err = result.stderr
         assert "Traceback" not in self.out + self.err
 
     @property

@@ -73,7 +73,8 @@ def _verdicts(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         own = [s["deterministic"] for s in scores if s["task"] in tasks and s["twin"] is None and s["error"] is None]
         if not own:
             continue
-        mean, half = float(np.mean(own)), 1.96 * float(np.std(own)) / len(own) ** 0.5
+        mean = float(np.mean(own))
+        half = 1.96 * float(np.std(own)) / len(own) ** 0.5
         verdict = "masters" if mean - half >= 0.9 else "fails" if mean + half < 0.9 else "unsure"
         found[capability] = {
             "verdict": verdict, "tasks": tasks, "mean": mean, "low": mean - half, "high": mean + half,

@@ -12,5 +12,6 @@ def written(span: Span) -> str:
     if span.line == span.end_line:
         return lines[span.line - 1][span.column - 1 : span.end_column - 1]
     middle = lines[span.line : span.end_line - 1]
-    first, last = lines[span.line - 1][span.column - 1 :], lines[span.end_line - 1]
+    first = lines[span.line - 1][span.column - 1 :]
+    last = lines[span.end_line - 1]
     return "\n".join([first, *middle, last[: span.end_column - 1]])

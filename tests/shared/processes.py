@@ -29,7 +29,8 @@ def records(worker: str, first: int, last: int, *more: str, **environment: str) 
     """
     while first < last:
         command = [sys.executable, "-m", worker, str(first), str(last), *more]
-        begun, done = first, False
+        begun = first
+        done = False
         with subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ | ALONE | environment) as process:
             for record in _heard(process):
                 begun = record.get("begun", begun)
@@ -44,7 +45,8 @@ def records(worker: str, first: int, last: int, *more: str, **environment: str) 
 def _heard(process: subprocess.Popen[bytes]) -> Iterator[dict[str, Any]]:
     """The lines of a process, which is ended when it falls silent."""
     assert process.stdout is not None
-    ready, rest = selectors.DefaultSelector(), b""
+    ready = selectors.DefaultSelector()
+    rest = b""
     ready.register(process.stdout, selectors.EVENT_READ)
     while ready.select(STUCK):
         chunk = os.read(process.stdout.fileno(), 1 << 16)

@@ -31,7 +31,8 @@ def put(env: Any, state: State) -> Any:
 
 def homogeneous(first: Any, second: Any) -> bool:
     """Whether two samples of hashable outcomes may come from one distribution."""
-    one, two = Counter(first), Counter(second)
+    one = Counter(first)
+    two = Counter(second)
     outcomes = sorted(one.keys() | two.keys())
     if len(outcomes) == 1:
         return True
@@ -45,5 +46,6 @@ def fits(sample: Any, probabilities: Any) -> bool:
     counts = np.bincount(sample, minlength=len(p))
     if counts[p == 0].any():  # what has probability 0 never happens
         return False
-    counts, p = counts[p > 0], p[p > 0]
+    counts = counts[p > 0]
+    p = p[p > 0]
     return len(p) == 1 or bool(stats.chisquare(counts, p / p.sum() * len(sample)).pvalue > ALPHA)

@@ -65,7 +65,10 @@ class Small:
         start = rng.integers(1, 4, states)
         start[-1] = 0
         self.start = start / start.sum()
-        self.horizon, self.discount, self.states, self.actions = horizon, discount, states, actions
+        self.horizon = horizon
+        self.discount = discount
+        self.states = states
+        self.actions = actions
         text = RANDOM.format(
             P=self.p.tolist(), R=self.r.tolist(), S=states, A=actions, H=horizon, discount=discount,
             start=self.start.tolist(), last=states - 1,
@@ -90,7 +93,8 @@ class Small:
             return
         for a in range(self.actions):
             for s2 in range(self.states):
-                p, r = self.p[s, a, s2], self.r[s, a, s2]
+                p = self.p[s, a, s2]
+                r = self.r[s, a, s2]
                 rest = self.trajectories(t + 1, s2) if self.going(s2) else [(1.0, (), 0.0)]
                 for q, pairs, total in rest if p > 0 else ():
                     yield p * q, ((s, a), *pairs), r + self.discount * total

@@ -187,7 +187,8 @@ def _compare_infos(ours: dict[str, Any], theirs: dict[str, Any]) -> None:
 @each
 def test_infos_tell_the_state_step_by_step(case: Case) -> None:
     """The state left and the state reached, as `env.state` has them, after resets and after a state that was set."""
-    theirs, ours = original(case.seals), gym.make(f"derail/{case.ours}-v0")
+    theirs = original(case.seals)
+    ours = gym.make(f"derail/{case.ours}-v0")
     theirs.reset(seed=0)
     kind = type(theirs.step(_actions(ours.action_space)[0])[4]["new_state"])
     ours.action_space.seed(0)

@@ -70,7 +70,8 @@ def test_episodes_end_alike_and_tell_their_states(theirs: str, ours: str) -> Non
     them.reset(seed=0)
     us.reset(seed=0)
     for _ in range(them.horizon):
-        action, state = us.action_space.sample(), us.state["s"]
+        action = us.action_space.sample()
+        state = us.state["s"]
         *_, terminated, truncated, info = them.step(action)
         result = us.step(action)
         assert result[2:4] == (terminated, truncated)
@@ -90,10 +91,12 @@ def assert_tables_agree(task: Task, them: Any, tolerance: float) -> None:
     """Start, transitions and rewards of the whole model; terminations at the last step and never before."""
     model = extract(task, reachable=False)
     np.testing.assert_allclose(model.start, them.initial_state_dist, atol=tolerance)
-    states, actions = model.n_states, model.n_actions
+    states = model.n_states
+    actions = model.n_actions
     assert (states, actions) == (them.state_dim, them.action_dim)
     for t in (0, them.horizon - 1):
-        step, last = model.step(t), t == them.horizon - 1
+        step = model.step(t)
+        last = t == them.horizon - 1
         table = step.P_end if last else step.P
         assert (step.P.nnz if last else 0 if step.P_end is None else step.P_end.nnz) == 0
         for a in range(actions):
@@ -133,7 +136,8 @@ def step(them: Any, us: Any, state: int, action: int) -> int:
 
 def returns(transitions: Any, rewards: Any, start: Any, horizon: int) -> tuple[float, float]:
     """Best and random return, by recursion over dense tables."""
-    best, uniform = np.zeros(len(rewards)), np.zeros(len(rewards))
+    best = np.zeros(len(rewards))
+    uniform = np.zeros(len(rewards))
     for _ in range(horizon):
         best = rewards + (transitions @ best).max(axis=1)
         uniform = rewards + (transitions @ uniform).mean(axis=1)
@@ -147,7 +151,8 @@ def test_scores_are_those_of_the_published_tables(theirs: str, ours: str) -> Non
         arguments: Any = (*tables(task)[:3], 20)
     else:
         them, us = pair(theirs)
-        task, arguments = us.task, (them.transition_matrix, them.reward_matrix, them.initial_state_dist, them.horizon)
+        task = us.task
+        arguments = (them.transition_matrix, them.reward_matrix, them.initial_state_dist, them.horizon)
     found = scores(task)
     assert (found.optimal.value, found.random.value) == pytest.approx(returns(*arguments), rel=1e-9)
 

@@ -22,7 +22,8 @@ def test_catch() -> None:
     env = make("catch")
     observation, _ = env.reset(seed=1)
     for action in np.random.default_rng(0).integers(3, size=300):
-        ball, paddle = np.argwhere(observation[:-1] == 1), int(np.flatnonzero(observation[-1])[-1])
+        ball = np.argwhere(observation[:-1] == 1)
+        paddle = int(np.flatnonzero(observation[-1])[-1])
         row, column = ball[0] if len(ball) else (None, None)
         observation, reward, terminated, _, _ = env.step(action)
         paddle = int(np.clip(paddle + action - 1, 0, 4))
@@ -80,7 +81,8 @@ def won(board: Any, who: int) -> bool:
 
 def test_tic_tac_toe() -> None:
     env = make("tic_tac_toe")
-    rng, outcomes = np.random.default_rng(0), set()
+    rng = np.random.default_rng(0)
+    outcomes = set()
     board, _ = env.reset(seed=0)
     for _ in range(2000):
         cell = int(rng.integers(9))
@@ -140,19 +142,22 @@ def test_variants_of_variants() -> None:
 def test_cars_are_moved_as_value_iteration_does() -> None:
     """Over all numbers of customers and cars brought back, with a Poisson tail that weighs nothing."""
     task = taskspec.load(str(spec_file("car_rental")))
-    most, moves = task.values["N"], task.values["M"]
+    most = task.values["N"]
+    moves = task.values["M"]
     chances = {rate: [math.exp(-rate) * rate**k / math.factorial(k) for k in range(60)] for rate in (2, 3, 4)}
 
     def day(asked: int, back: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
         """Where the cars of a place are in the evening, by how many are there in the morning; and what they earn."""
-        ways, paid = np.zeros((most + 1, most + 1)), np.zeros(most + 1)
+        ways = np.zeros((most + 1, most + 1))
+        paid = np.zeros(most + 1)
         for cars, (wanted, p) in itertools.product(range(most + 1), enumerate(chances[asked])):
             paid[cars] += 10 * min(cars, wanted) * p
             for returned, q in enumerate(chances[back]):
                 ways[cars, min(max(cars - wanted, 0) + returned, most)] += p * q
         return ways, paid
 
-    (first, earned), (second, more) = day(3, 3), day(4, 2)
+    (first, earned) = day(3, 3)
+    (second, more) = day(4, 2)
     value = np.zeros((most + 1, most + 1))
     for _ in range(300):
         morning = earned[:, None] + more + 0.9 * first @ value @ second.T

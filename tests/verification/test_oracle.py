@@ -13,7 +13,8 @@ from tests.verification.oracle import found
 from tests.verification.oracle.worker import examined
 
 FOLDER = Path(__file__).parents[1] / "oracle"
-SPECS, CHUNK = 80, 20
+SPECS = 80
+CHUNK = 20
 BACKENDS = ["numpy"] if VECTORS else []
 
 

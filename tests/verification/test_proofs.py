@@ -24,7 +24,9 @@ from tests.verification.proofs.subjects import subject
 from tests.verification.proofs.worker import Outcome as Examined
 from tests.verification.proofs.worker import examined, judged
 
-MODELS, CHUNK, CLAIMS = 20, 5, 10
+MODELS = 20
+CHUNK = 5
+CLAIMS = 10
 RISKY = Path(__file__).parents[2] / "tasks" / "derail" / "risky_path.yaml"
 
 

@@ -184,7 +184,9 @@ def test_the_file_gives_back_what_was_recorded_and_keeps_what_is_done(tmp_path: 
 
 
 def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
-    text, database, newer = tmp_path / "text", tmp_path / "database", tmp_path / "newer"
+    text = tmp_path / "text"
+    database = tmp_path / "database"
+    newer = tmp_path / "newer"
     text.write_text("not a database\n" * 100)
     Store(newer).close()
     for path, statement in ((database, "create table results (key)"), (newer, "pragma user_version = 99")):
@@ -202,7 +204,8 @@ def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
 
 
 def test_one_run_at_a_time_writes_and_others_read(tmp_path: Path) -> None:
-    path, log = tmp_path / "store", tmp_path / "log"
+    path = tmp_path / "store"
+    log = tmp_path / "log"
     with Store(path) as mine, Store(path) as other:
         with mine.writing():
             with pytest.raises(SpecError) as error:
@@ -253,7 +256,8 @@ def test_an_entry_that_is_damaged_is_named(tmp_path: Path, change: str) -> None:
 
 def killed_three_times(folder: Path, seconds: float, *cluster: str, meanwhile: Callable[[int], None]) -> None:
     """A run of 200 jobs, killed thrice with all that it started, ends as if it had not been; nothing recorded is begun again."""
-    path, log = folder / "store", folder / "log"
+    path = folder / "store"
+    log = folder / "log"
     Store(path).close()
     before: list[tuple[int, dict[str, JobResult]]] = []
     for number, enough in enumerate((30, 80, 130)):
@@ -279,7 +283,8 @@ def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_processes_end_with_the_one_that_they_work_for(tmp_path: Path) -> None:
-    path, log = tmp_path / "store", tmp_path / "log"
+    path = tmp_path / "store"
+    log = tmp_path / "log"
     process = program(path, log, 4, 1000)
     wait_for(lambda: len(begun(log)) == 2)
     process.kill()
@@ -326,7 +331,8 @@ def test_ctrl_c_and_the_loss_of_a_cluster_are_messages(tmp_path: Path) -> None:
     assert process.stdout is not None
     address = process.stdout.readline().split()[0]
     for number, (victim, status, words) in enumerate(((1, 130, "interrupted: "), (0, 1, "error[E723 no-cluster]"))):
-        path, log = tmp_path / f"store{number}", tmp_path / f"log{number}"
+        path = tmp_path / f"store{number}"
+        log = tmp_path / f"log{number}"
         Store(path).close()
         runner = program(path, log, 400, 0.1, address)
         wait_for(lambda path=path, runner=runner: len(kept(path)) > 0 or runner.poll() is not None)  # type: ignore[misc]

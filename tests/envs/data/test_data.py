@@ -90,7 +90,8 @@ def task_expert(numbers: Any) -> tuple[int, int]:
 
 
 def test_demonstrations_come_from_the_experts_start_and_comparisons_from_the_learners() -> None:
-    shown, compared = demonstrations("InitShiftLearner", episodes=3), preferences("InitShiftExpert", 3)
+    shown = demonstrations("InitShiftLearner", episodes=3)
+    compared = preferences("InitShiftExpert", 3)
     assert shown.metadata["id"] == "derail/InitShiftExpert-v0" and set(shown.obs[shown.starts]) == {0}
     assert compared.metadata["id"] == "derail/InitShiftLearner-v0"
     assert set(compared.segments.obs[compared.segments.starts]) == {1}

@@ -72,7 +72,8 @@ def test_occupancy_counts_states_of_episodes(task: str) -> None:
 
 
 def test_observations_are_those_of_the_environment() -> None:
-    found, env = tabular("Branching"), taskspec.make("Branching")
+    found = tabular("Branching")
+    env = taskspec.make("Branching")
     env.reset(seed=0)
     for i in range(found.n_states):
         state = {name: value for name, value in found.model.state(i).items() if name in env.state}
@@ -102,7 +103,8 @@ def test_seals_and_ours_step_alike() -> None:
         totals.append(sum(env.step(1 if t == 0 else 0)[1] for t in range(5)))
     policy = np.zeros(5, int)
     policy[0] = 1
-    exact, now = 0.0, found.p0
+    exact = 0.0
+    now = found.p0
     for t in range(5):
         exact += now @ found.R[:, policy[t]]
         now = now @ found.P[:, policy[t]]

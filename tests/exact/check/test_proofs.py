@@ -253,10 +253,8 @@ def test_both_arithmetics_enclose_one_another() -> None:
     """Random chains by rationals and by floats: the bounds of the floats hold the rationals."""
     rng = np.random.default_rng(0)
     for seed in range(10):
-        p, r = (
-            rng.dirichlet(np.ones(4), (4, 2)).round(3).tolist(),
-            rng.normal(0, 10.0 ** rng.integers(-9, 9), (4, 2)).tolist(),
-        )
+        p = rng.dirichlet(np.ones(4), (4, 2)).round(3).tolist()
+        r = rng.normal(0, 10.0 ** rng.integers(-9, 9), (4, 2)).tolist()
         text = f"""
 taskspec: 1
 name: Mixed
@@ -271,10 +269,13 @@ reward: R[s, a]
 """
         model = Results(task(text)).model
         assert model is not None
-        numbers, bounded = Rational(model, Reader()), Bounded(model)
-        true, value = numbers.zero(), bounded.zero()
+        numbers = Rational(model, Reader())
+        bounded = Bounded(model)
+        true = numbers.zero()
+        value = bounded.zero()
         for t in range(19, -1, -1):
-            q, found = numbers.backup(t, true), bounded.backup(t, value)
+            q = numbers.backup(t, true)
+            found = bounded.backup(t, value)
             true, value = (numbers.top(q), bounded.top(found)) if t % 2 else (numbers.bottom(q), bounded.bottom(found))
         for s in range(4):
             assert abs(true.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])

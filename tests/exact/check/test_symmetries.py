@@ -82,8 +82,10 @@ PRINTED: dict[str, tuple[Map, Map]] = {
 def test_what_the_twin_shows_and_what_its_actions_do(task_id: str, name: str) -> None:
     """Episodes of a task and of its twin, with actions that correspond: the same rewards, and what was said is seen."""
     seen, done = PRINTED[name]
-    one, other = taskspec.make(task_of(task_id)), taskspec.make(twin_of(task_id, name))
-    first, second = one.reset(seed=3)[0], other.reset(seed=3)[0]
+    one = taskspec.make(task_of(task_id))
+    other = taskspec.make(twin_of(task_id, name))
+    first = one.reset(seed=3)[0]
+    second = other.reset(seed=3)[0]
     one.action_space.seed(1)
     for _ in range(40):
         np.testing.assert_array_equal(np.ravel(second), np.asarray(seen(np.ravel(first)), np.float32))
@@ -92,16 +94,19 @@ def test_what_the_twin_shows_and_what_its_actions_do(task_id: str, name: str) ->
         second, *others, _ = other.step(done(action))
         assert rest == others
         if any(rest[1:]):
-            first, second = one.reset()[0], other.reset()[0]
+            first = one.reset()[0]
+            second = other.reset()[0]
 
 
 @pytest.mark.parametrize(("task_id", "name"), DECLARED)
 def test_every_return_is_kept(task_id: str, name: str) -> None:
     """Exact where the task has a model or a stand-in that is proved, of the same episodes elsewhere."""
-    before, after = Results(task_of(task_id), 300), Results(twin_of(task_id, name), 300)
+    before = Results(task_of(task_id), 300)
+    after = Results(twin_of(task_id, name), 300)
     finite = "LargestSum" not in task_id and "Parabola" not in task_id
     for which in ("optimal", "worst", "random", "expert") if finite else ("random", "expert"):
-        one, other = getattr(before, which), getattr(after, which)
+        one = getattr(before, which)
+        other = getattr(after, which)
         assert one.status == other.status == ("exact" if finite else "estimated")
         assert other.value == pytest.approx(one.value, rel=1e-12)
 

@@ -90,7 +90,8 @@ def test_maps_of_actions_are_proved_exactly_where_they_permute_them() -> None:
     ]
     told = []
     for _ in range(150):
-        one, other = str(rng.choice(pieces)), str(rng.choice(pieces))
+        one = str(rng.choice(pieces))
+        other = str(rng.choice(pieces))
         pairs = list(product(range(3), repeat=2))
         values = {tuple(eval(e, {"i": i, "j": j, "clip": clip}) for e in (one, other)) for i, j in pairs}
         result = found(f"{{action: {{i: '{one}', j: '{other}'}}}}")
@@ -176,7 +177,8 @@ def test_a_listed_permutation_of_actions_is_undone() -> None:
     task = spec("{s: {action: {i: '(i + j) % 3'}}}")
     twin = taskspec.modify(task, "symmetry=s")
     for i, j in product(range(3), repeat=2):
-        one, other = taskspec.make(task), taskspec.make(twin)
+        one = taskspec.make(task)
+        other = taskspec.make(twin)
         one.reset(seed=0), other.reset(seed=0)
         one.step([i, j]), other.step([(i + j) % 3, j])
         assert str(one.state) == str(other.state)

@@ -11,7 +11,8 @@ from taskspec.exact import check
 from taskspec.language import source
 from taskspec.language.task.build import build
 
-V, R = "Uniform(0, 1, shape=6)", "r + dx * v[0]"
+V = "Uniform(0, 1, shape=6)"
+R = "r + dx * v[0]"
 PARTS: dict[str, Any] = {
     "parameters": {
         "n": {"type": "int", "default": 3, "low": 1, "high": 9},

@@ -15,7 +15,9 @@ from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 
-LOTS, HORIZON, RATES = 3, 3, (3.0, 4.0, 3.0, 2.0)
+LOTS = 3
+HORIZON = 3
+RATES = (3.0, 4.0, 3.0, 2.0)
 RENTAL = f"""
 taskspec: 1
 name: Rental
@@ -56,12 +58,14 @@ def best(first: int, second: int, left: int, known: dict[tuple[int, int, int], f
     values = []
     for a in (-1, 0, 1):
         moved = max(min(a, min(first, LOTS - second)), -min(second, LOTS - first))
-        here, there = first - moved, second + moved
+        here = first - moved
+        there = second + moved
         terms = [-2.0 * abs(moved)]
         for drawn in product(range(LOTS + 1), repeat=4):
             p = math.prod(chances(rate, LOTS)[k] for rate, k in zip(RATES, drawn, strict=True))
             asked, wanted, back, returned = drawn
-            gone, away = min(here, asked), min(there, wanted)
+            gone = min(here, asked)
+            away = min(there, wanted)
             after = min(here - gone + back, LOTS), min(there - away + returned, LOTS)
             terms.append(p * (10 * (gone + away) + 0.9 * best(*after, left - 1, known)))
         values.append(math.fsum(terms))

@@ -62,7 +62,8 @@ def node_of(kind: str, zero: str, expression: str) -> Any:
 
 @pytest.mark.parametrize(("kind", "zero", "expression"), DRAWN)
 def test_a_batch_equals_its_lanes(kind: str, zero: str, expression: str) -> None:
-    node, lanes = node_of(kind, zero, expression), 40
+    node = node_of(kind, zero, expression)
+    lanes = 40
     layout = WordLayout.of([node])
     words = draws.lanes_block(draws.lane_seeds(5, lanes), draws.STEP, 3, layout.count)
     k = np.arange(lanes) % 3
@@ -82,7 +83,8 @@ def test_outcomes_have_the_frequencies_of_samples(
     monkeypatch: pytest.MonkeyPatch, kind: str, zero: str, expression: str, many: bool
 ) -> None:
     monkeypatch.setattr(transitions, "LOOP_FROM", 10)
-    node, size = node_of(kind, zero, expression), 6000
+    node = node_of(kind, zero, expression)
+    size = 6000
     found = draws_below([node])
     assert all(map(is_finite, found))
     value = 2

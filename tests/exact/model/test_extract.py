@@ -86,7 +86,9 @@ def test_every_row_equals_the_reference_interpreter(task: Task) -> None:
         for a, s in itertools.product(range(model.n_actions), range(model.n_states)):
             expected = outcomes(task, _reads(model, s, a, t))
             row = a * model.n_states + s
-            want_going, want_ending, want_reward = np.zeros(model.n_states), np.zeros(model.n_states), 0.0
+            want_going = np.zeros(model.n_states)
+            want_ending = np.zeros(model.n_states)
+            want_reward = 0.0
             for key, p in expected.items():
                 code, outside = model.states.encode([np.array([v]) for v in key[:-2]], 1)
                 assert outside is None
@@ -104,7 +106,8 @@ def _reads(model: Model, s: int, a: int, t: int) -> dict[Any, Any]:
 
 @pytest.mark.parametrize("task", CHECKED, ids=lambda t: t.name)
 def test_reachable_and_whole_models_agree(task: Task) -> None:
-    whole, reached = extract(task, reachable=False), extract(task, reachable=True)
+    whole = extract(task, reachable=False)
+    reached = extract(task, reachable=True)
     assert reached.n_states == int(whole.entered.sum())
     assert list(whole.codes[whole.entered]) == list(reached.codes)
     for rule in (solve.best, worst):

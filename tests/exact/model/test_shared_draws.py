@@ -69,7 +69,8 @@ def next_k(made: Task, k: int, a: int) -> dict[int, float]:
     return {int(i): float(row[i]) for i in np.flatnonzero(row)}
 
 
-T, Q = Fraction(1, 3), Fraction(1, 4)
+T = Fraction(1, 3)
+Q = Fraction(1, 4)
 COUNTED: list[tuple[str, list[Fraction], Callable[..., int], int]] = [
     ("sum(Bernoulli(1/3, shape=6))", [T] * 6, sum, 7),
     ("count(Bernoulli((1/3, 1/4, 1, 0)))", [T, Q, Fraction(1), Fraction(0)], sum, 5),
@@ -174,10 +175,12 @@ def test_a_subset_has_as_many_outcomes_as_there_are_choices(how: str) -> None:
 
 def test_models_leave_out_states_where_episodes_enter_few_of_them() -> None:
     """Boards of 16 places with 2 mines are 120 of 65,536; with any number of mines they are all."""
-    few, every = mines(16, 2, "Subset({n}, {k})"), mines(10, 5, "[Bernoulli(1/2) for i in range({n})]")
+    few = mines(16, 2, "Subset({n}, {k})")
+    every = mines(10, 5, "[Bernoulli(1/2) for i in range({n})]")
     assert extract(few).n_states == math.comb(16, 2) * 16
     assert extract(every).n_states == 2**10 * 10 >= MANY
-    whole, part = extract(mines(12, 2, "Subset({n}, {k})"), reachable=False), extract(mines(12, 2, "Subset({n}, {k})"))
+    whole = extract(mines(12, 2, "Subset({n}, {k})"), reachable=False)
+    part = extract(mines(12, 2, "Subset({n}, {k})"))
     assert (whole.n_states, part.n_states) == (2**12 * 12, math.comb(12, 2) * 12)
     assert whole.start @ solve.best(whole).value == pytest.approx(part.start @ solve.best(part).value)
 

@@ -60,8 +60,10 @@ def test_gae_is_between_td_errors_and_monte_carlo() -> None:
 
 def test_lambda_returns_are_means_of_n_step_returns() -> None:
     """Equation (12.3) of Sutton and Barto, on one episode."""
-    rewards, after = BATCH.rewards[:4], BATCH.next_values[:4]
-    terminated, truncated = np.zeros((4, 4), np.bool_), np.zeros((4, 4), np.bool_)
+    rewards = BATCH.rewards[:4]
+    after = BATCH.next_values[:4]
+    terminated = np.zeros((4, 4), np.bool_)
+    truncated = np.zeros((4, 4), np.bool_)
     truncated[-1] = True
     found = oracle.lambda_returns(rewards, after, terminated, truncated, GAMMA, LAM)
     n_step = [oracle.n_step_returns(rewards, after, terminated, truncated, GAMMA, n)[0] for n in (1, 2, 3, 4)]

@@ -139,7 +139,8 @@ def test_means_and_variances_are_those_of_all_episodes(small: Small) -> None:
     pi = np.linspace(0.2, 0.7, small.states)
     pi = np.stack([pi, 1 - pi], axis=1)
     found = oracle.expectation(lambda episode: episode.discounted_return, small.task, pi)
-    returns, weights = [], []
+    returns = []
+    weights = []
     for probability, pairs, total in small.trajectories():
         if probability:
             returns.append(total)

@@ -90,12 +90,15 @@ def test_episodes_that_are_simulated_remember_too() -> None:
 
 
 def episode(env: taskspec.Environment, expert: Expert, seed: int | None) -> float:
-    total, state, start = 0.0, None, np.array([True])
+    total = 0.0
+    state = None
+    start = np.array([True])
     observation, _ = env.reset(seed=seed)
     while True:
         action, state = expert.predict(observation, state, start)
         observation, reward, terminated, truncated, _ = env.step(action)
-        total, start = total + reward, np.array([False])
+        total = total + reward
+        start = np.array([False])
         if terminated or truncated:
             return total
 
@@ -124,12 +127,14 @@ def test_a_batch_remembers_apart() -> None:
 
 
 def test_the_task_is_the_same_for_everyone_else() -> None:
-    task, without = tiger(), build(read_text(spec().replace(spec()[spec().index("memory:") :], ""), "tiger.yaml"))
+    task = tiger()
+    without = build(read_text(spec().replace(spec()[spec().index("memory:") :], ""), "tiger.yaml"))
     assert (task.observation_space, [c.name for c in task.state]) == (
         without.observation_space,
         ["tiger", "heard", "open"],
     )
-    mine, other = scores(task), scores(without)
+    mine = scores(task)
+    other = scores(without)
     assert (mine.optimal, mine.random, mine.states) == (other.optimal, other.random, other.states)
     for seed in range(5):
         assert taskspec.make(task).reset(seed=seed)[0] == taskspec.make(without).reset(seed=seed)[0]

@@ -41,7 +41,8 @@ def tree(text: str = TREE) -> Task:
 def soft_return() -> float:
     """Of the causal maximum-entropy policy at temperature 1 on the tree, by hand."""
     e = np.exp
-    left, right = np.log(e(1) + e(-1)), np.log(e(-1) + e(2))
+    left = np.log(e(1) + e(-1))
+    right = np.log(e(-1) + e(2))
     go_left = e(left) / (e(left) + e(right))
     at_left = (e(1) - e(-1)) / (e(1) + e(-1))
     at_right = (-e(-1) + 2 * e(2)) / (e(-1) + e(2))
@@ -52,7 +53,9 @@ class Policy:
     """A policy that takes action 1 with probability p, and knows or does not know the flag `deterministic`."""
 
     def __init__(self, p: float, obeys: bool = True) -> None:
-        self.p, self.obeys, self.rng = p, obeys, np.random.default_rng(0)
+        self.p = p
+        self.obeys = obeys
+        self.rng = np.random.default_rng(0)
 
     def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
         if deterministic and self.obeys:
@@ -70,7 +73,8 @@ class Telling(Policy):
 def risky_return(p: float) -> float:
     """Of RiskyPath for five steps, where action 1 is taken with probability p in every state: powers of its matrix."""
     move = np.array([[0, 1 - p, p / 2, p / 2], [0, p, 1 - p, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    at, total = np.array([1.0, 0, 0, 0]), 0.0
+    at = np.array([1.0, 0, 0, 0])
+    total = 0.0
     for _ in range(5):
         at = at @ move
         total += at[2] - 100 * at[3]

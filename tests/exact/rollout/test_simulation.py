@@ -86,7 +86,8 @@ def test_rows_of_a_table_of_probabilities_become_words_once(monkeypatch: pytest.
             f"initial: {{s: 0}}\ndynamics: {rows}\nreward: s\n"
         )
     )
-    found, made = [], variates.thresholds
+    found = []
+    made = variates.thresholds
     monkeypatch.setattr(variates, "thresholds", lambda row: found.append(row) or made(row))
     simulate(task, at_random(task), episodes=500, seed=1)
     assert 1 <= len(found) <= 3

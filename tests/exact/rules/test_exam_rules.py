@@ -43,7 +43,8 @@ def expression(text: str) -> s.Expr:
 
 
 def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -> Truth[Comparison]:
-    names, collector = names or RuleNames(TASKS), Collector()
+    names = names or RuleNames(TASKS)
+    collector = Collector()
     check_rule(expression(rule), names, collector)
     assert not collector.diagnostics, collector.diagnostics
     return ScoreEvaluator(SeedScores({ONE: results}), names).truth(expression(rule))

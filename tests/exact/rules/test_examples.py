@@ -136,7 +136,8 @@ def test_examples_that_do_not_hold(number: int) -> None:
     assert found, problems(example)
     assert words in found[0].message
     place = document.key_span if code in ("E202", "E214", "E216") else document.span
-    at, wanted = found[0].span, place(("examples", 0, *path))
+    at = found[0].span
+    wanted = place(("examples", 0, *path))
     assert at is not None
     assert (at.line, at.column) in {(wanted.line, wanted.column), (wanted.line, wanted.column + 1)}  # inside of quotes
 
@@ -171,11 +172,13 @@ def is_deterministic(task: Task) -> bool:
 
 @pytest.mark.parametrize("task", [t for t in tasks(*EVERY) if is_deterministic(t)], ids=lambda t: t.id)
 def test_steps_of_environments_are_examples(task: Task) -> None:
-    env, rng = taskspec.make(task), np.random.default_rng(1)
+    env = taskspec.make(task)
+    rng = np.random.default_rng(1)
     env.reset(seed=1)
     examples: list[dict[str, Any]] = []
     for t in range(6):
-        state, action = written(env.state), env.action_space.sample() if t else first(env)
+        state = written(env.state)
+        action = env.action_space.sample() if t else first(env)
         env.action_space.seed(int(rng.integers(1000)))
         _, reward, terminal, truncated, _ = env.step(action)
         examples.append({

@@ -81,7 +81,8 @@ def test_the_solution_is_the_shortest_of_all_optimal_policies(written_out: tuple
 
 def outcomes(task: Task) -> Iterator[tuple[float, float, bool, int]]:
     """For every sequence of actions: its probability, the return, whether any reward is not 0, and the steps taken."""
-    env, horizon = taskspec.make(task), task.horizon or 0
+    env = taskspec.make(task)
+    horizon = task.horizon or 0
     actions = range(int(env.action_space.n))  # type: ignore[attr-defined]
     for chosen in product(actions, repeat=horizon):
         env.reset(seed=0)
@@ -137,9 +138,11 @@ def test_risky_path_by_hand() -> None:
 
 def soft_table() -> np.ndarray[Any, Any]:
     """The soft-optimal policy of RiskyPath (T, S, A), by hand."""
-    value, tables = np.zeros(4), []
+    value = np.zeros(4)
+    tables = []
     for _ in range(5):
-        goal, trap = 1 + value[2], value[3] - 100
+        goal = 1 + value[2]
+        trap = value[3] - 100
         q = np.array([[value[1], goal, goal, trap], [(goal + trap) / 2, value[1], goal, trap]])
         value = np.logaddexp(q[0], q[1])
         tables.insert(0, np.exp(q - value).T)

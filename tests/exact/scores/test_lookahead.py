@@ -131,12 +131,14 @@ def deterministic(seed: int) -> Table:
 
 def play(table: Table, rng: np.random.Generator, state: int, t: int, actions: tuple[int, ...]) -> tuple[int, int]:
     """What some actions, and random ones after them, are paid until the end; and where the first one leads."""
-    total, first = 0, -1
+    total = 0
+    first = -1
     for i in range(t, table.horizon):
         action = actions[i - t] if i - t < len(actions) else int(rng.integers(table.actions))
         (after,) = table.leads[state, action]
         total += table.pays[state, action, after]
-        state, first = after, after if first < 0 else first
+        state = after
+        first = after if first < 0 else first
     return total, first
 
 
@@ -151,13 +153,15 @@ def gorp(table: Table, k: int, m: int, rng: np.random.Generator) -> int:
         best = [a for a, found in judged.items() if found == max(judged.values())]
         action = best[int(rng.integers(len(best)))]
         (after,) = table.leads[state, action]
-        total, state = total + table.pays[state, action, after], after
+        total = total + table.pays[state, action, after]
+        state = after
     return total
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_greedy_over_random_succeeds_as_often_as_it_does_when_played(seed: int, tmp_path: Path) -> None:
-    table, rng = deterministic(seed), np.random.default_rng(seed)
+    table = deterministic(seed)
+    rng = np.random.default_rng(seed)
     path = tmp_path / "random.yaml"
     path.write_text(table.spec(), encoding="utf-8")
     model = extract(load(str(path)))

@@ -34,7 +34,8 @@ def look_of(seed: int) -> Look:
 def drawn(seed: int, horizon: int = 4, claims: str = "[]") -> Task:
     """A task with random tables: six states, of which two or three look alike."""
     rng = random.Random(seed)
-    states, actions = range(6), range(2)
+    states = range(6)
+    actions = range(2)
 
     def row() -> str:
         weights = [rng.choice((0, 0, 1, 2, 3)) for _ in states]
@@ -67,8 +68,11 @@ class Tables:
     def __init__(self, task: Task, look: Look) -> None:
         model = extract(task)
         assert task.horizon is not None
-        self.horizon, self.discount, self.start = task.horizon, task.discount, model.start
-        a, n = model.n_actions, model.n_states
+        self.horizon = task.horizon
+        self.discount = task.discount
+        self.start = model.start
+        a = model.n_actions
+        n = model.n_states
         self.going = [model.step(t).P.toarray().reshape(a, n, n) for t in range(self.horizon)]
         self.reward = [model.step(t).R.reshape(a, n) for t in range(self.horizon)]
         states = [model.state(i) for i in range(n)]
@@ -98,14 +102,17 @@ class Tables:
         best = -np.inf
         for chosen in itertools.product(range(len(self.reward[0])), repeat=len(names)):
             policy = dict(zip(names, chosen, strict=True))
-            weights, total, factor = self.start, 0.0, 1.0
+            weights = self.start
+            total = 0.0
+            factor = 1.0
             for t in range(self.horizon):
                 after = np.zeros(len(weights))
                 for i, w in enumerate(weights):
                     a = policy[self.looks[t][i]]
                     total += factor * w * self.reward[t][a][i]
                     after += w * self.going[t][a][i]
-                weights, factor = after, factor * self.discount
+                weights = after
+                factor = factor * self.discount
             best = max(best, total)
         return best
 
@@ -136,7 +143,8 @@ def test_values_are_those_of_brute_force(seed: int) -> None:
 def test_tiger_is_as_in_a_tree_of_histories() -> None:
     text = (spec_file("tiger")).read_text().replace("horizon: 20", "horizon: 5")
     task = build(read_text(text))
-    told, tables = pomdp_bounds(Results(task)), Tables(task, lambda state, t: state["heard"])
+    told = pomdp_bounds(Results(task))
+    tables = Tables(task, lambda state, t: state["heard"])
     assert told is not None
     assert told.remembering is not None and told.remembering.value == pytest.approx(tables.remembering(), rel=1e-9)
     assert told.memoryless is not None and told.memoryless.value == pytest.approx(tables.memoryless(), rel=1e-9)

@@ -81,7 +81,8 @@ def test_what_holds_no_scores_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_damaged_scores_are_refused(tmp_path: Path) -> None:
     """Each part in turn is left out, or is what it cannot be."""
-    task, path = shipped("branching"), tmp_path / "scores.json"
+    task = shipped("branching")
+    path = tmp_path / "scores.json"
     exact.scores(task).save(path)
     whole = json.loads(path.read_text())
     parts: list[tuple[str, ...]] = [(name,) for name in whole if name != "gap"]
@@ -175,7 +176,8 @@ def test_an_object_with_predict_is_asked_about_observations() -> None:
 
     def grid(o: Any) -> Any:
         seen.append(o.shape)
-        x, y = o[:, 0], o[:, 1]
+        x = o[:, 0]
+        y = o[:, 1]
         return np.select([x < 2, y > 2, x > 2, y < 2], [3, 0, 2, 1], 4)
 
     found = exact.score(shipped("noisy_obs"), Predicts(grid), episodes=50)
@@ -193,15 +195,21 @@ EXPERTS = [
 @pytest.mark.parametrize(("name", "variant"), EXPERTS)
 def test_experts_as_policy_objects_walk_through_the_environment(name: str, variant: str | None) -> None:
     task = shipped(name, variant)
-    expert, env = exact.Expert(task), taskspec.make(task)
+    expert = exact.Expert(task)
+    env = taskspec.make(task)
     returns = []
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
-        state, start, total, over = None, np.array([True]), 0.0, False
+        state = None
+        start = np.array([True])
+        total = 0.0
+        over = False
         while not over:
             action, state = expert.predict(observation, state, start, deterministic=True)
             observation, reward, terminated, truncated, _ = env.step(action)
-            total, start, over = total + float(reward), np.array([False]), terminated or truncated
+            total = total + float(reward)
+            start = np.array([False])
+            over = terminated or truncated
         returns.append(total)
     best = Results(task).optimal
     if best is not None and name != "sort":
@@ -211,13 +219,17 @@ def test_experts_as_policy_objects_walk_through_the_environment(name: str, varia
 
 def test_planned_experts_count_their_steps() -> None:
     task = build(source.read_file(spec_file("frozen_lake")), None, {"slippery": False})
-    expert, env = exact.Expert(task), taskspec.make(task)
+    expert = exact.Expert(task)
+    env = taskspec.make(task)
     observation, _ = env.reset(seed=0)
-    state, total, over = None, 0.0, False
+    state = None
+    total = 0.0
+    over = False
     while not over:
         action, state = expert.predict(observation, state)
         observation, reward, terminated, truncated, _ = env.step(action)
-        total, over = total + float(reward), terminated or truncated
+        total = total + float(reward)
+        over = terminated or truncated
     assert total == 1
     batch, counts = expert.predict(np.array([0, 4, 8]), (np.array([0, 1, 2]),), np.array([False, True, False]))
     assert batch.shape == (3,)
@@ -229,10 +241,13 @@ def test_simulation_walks_the_trajectories_of_the_environment() -> None:
     from taskspec.exact.rollout.rollout import Rollout
 
     for task in (shipped("noisy_obs"), shipped("proc_goal"), shipped("sort"), shipped("risky_path")):
-        rollout, env = Rollout(task, 4, seed=11), taskspec.make(task)
+        rollout = Rollout(task, 4, seed=11)
+        env = taskspec.make(task)
         rng = np.random.default_rng(0)
 
-        actions, state, rewards = at_random(task), rollout.start(), []
+        actions = at_random(task)
+        state = rollout.start()
+        rewards = []
         chosen = []
         for t in range(3):
             action = actions(state, t, rng)

@@ -41,7 +41,8 @@ def holds(a: Enclosure, number: Fraction) -> bool:
 @settings(max_examples=100, deadline=None)
 @given(known(), known())
 def test_operations(op: str, one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction]) -> None:
-    (a, x), (b, y) = one, other
+    (a, x) = one
+    (b, y) = other
     if op in ("/", "//", "%") and holds(b, Fraction(0)):
         with pytest.raises(NoNumber, match="by zero"):
             arithmetic(op, a, b)
@@ -71,7 +72,8 @@ def test_roots(base: Fraction, p: int, q: int) -> None:
     if p % q == 0:
         return
     found = arithmetic("**", Enclosure.exactly(base), Enclosure.exactly(Fraction(p, q)))
-    low, high = Fraction(found.low), Fraction(found.high)
+    low = Fraction(found.low)
+    high = Fraction(found.high)
     assert low > 0 and low**q <= base**p <= high**q
     assert high - low < low / 2**40
 
@@ -79,7 +81,8 @@ def test_roots(base: Fraction, p: int, q: int) -> None:
 @settings(max_examples=100, deadline=None)
 @given(known(), known())
 def test_signs_and_hulls(one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction]) -> None:
-    (a, x), (b, y) = one, other
+    (a, x) = one
+    (b, y) = other
     assert holds(negative(a), -x)
     assert holds(absolute(a), abs(x))
     assert absolute(a).low >= 0
@@ -101,7 +104,8 @@ def test_floats_of_a_number_are_rounded_outwards(one: tuple[Enclosure, Fraction]
 def test_comparisons_that_are_decided_are_true(
     one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction], tolerance: Fraction | None
 ) -> None:
-    (a, x), (b, y) = one, other
+    (a, x) = one
+    (b, y) = other
     slack = tolerance or Fraction(0)
     for op, holds_of in COMPARISONS.items():
         shift = {"<=": -slack, ">=": slack}.get(op, Fraction(0))
@@ -114,7 +118,8 @@ def test_comparisons_that_are_decided_are_true(
 @settings(max_examples=100, deadline=None)
 @given(numbers, numbers)
 def test_of_exact_numbers_every_comparison_is_decided(x: Fraction, y: Fraction) -> None:
-    a, b = Enclosure.exactly(x), Enclosure.exactly(y)
+    a = Enclosure.exactly(x)
+    b = Enclosure.exactly(y)
     for op, holds_of in COMPARISONS.items():
         assert compare(op, a, b) is holds_of(x, y)
     assert compare("==", a, b) is (abs(x - y) <= EQUAL * max(abs(x), abs(y)))

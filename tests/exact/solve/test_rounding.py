@@ -270,7 +270,8 @@ def test_ends_of_episodes_take_nothing_off_the_error_of_maximum_entropy() -> Non
     model = extract(build(source.read_text(text)))
     zero = np.zeros(model.n_states)
     found = _LogOutcomes(Bounded(model), 0, 1.0).log_q(Bound(zero), 0)
-    value, error = found.value[:, 0], found.error[:, 0]
+    value = found.value[:, 0]
+    error = found.error[:, 0]
     assert (error > 0).all() and (error >= np.abs(value - 1 / 3)).all()
 
 

@@ -101,7 +101,8 @@ def test_non_causal_maximum_entropy_by_enumerating_trajectories(seed: int, beta:
 
 @pytest.mark.parametrize("beta", [0.3, 2.0])
 def test_causal_maximum_entropy_is_the_best_trade_of_return_and_entropy(beta: float) -> None:
-    small, rng = Small(0, horizon=3), np.random.default_rng(0)
+    small = Small(0, horizon=3)
+    rng = np.random.default_rng(0)
     plan = plans.tables(small.model, Boltzmann(beta))
     best = with_entropy(small, np.array([plan(t) for t in range(3)]), beta)
     value = first_values(Boltzmann(beta).plan(Bounded(small.model))).value
@@ -133,7 +134,8 @@ def with_entropy(small: Small, policy: Array, beta: float) -> float:
 def test_occupancy_and_visits_by_enumerating_trajectories(seed: int) -> None:
     small = Small(seed, horizon=3)
     uniform = plans.uniform_plan(small.model)
-    acted, visited = np.zeros(small.states), 0.0
+    acted = np.zeros(small.states)
+    visited = 0.0
     for p, pairs, _ in small.trajectories():
         weight = p * small.actions ** -len(pairs)
         for s, _ in pairs:
@@ -179,9 +181,11 @@ def test_finite_horizon_by_linear_programming() -> None:
     from scipy.optimize import linprog
 
     model = model_of(shipped("noisy_obs"))
-    n, horizon = model.n_states, 15
+    n = model.n_states
+    horizon = 15
     size = n * horizon
-    rows, bounds = [], []
+    rows = []
+    bounds = []
     for t in range(horizon):
         dense = model.step(t).P.toarray()
         for row in range(model.n_actions * n):

@@ -47,7 +47,8 @@ KNOWN_ANSWERS = [  # Random123, kat_vectors: key, counter, result
 def test_known_answers(key: tuple[int, int], counter: tuple[int, int], result: tuple[int, int]) -> None:
     assert threefry.threefry(key, counter) == result
     seeds = np.array([key[0] | key[1] << 32], np.uint64)
-    phase, slot = counter[1] & ~1023, counter[1] & 1023
+    phase = counter[1] & ~1023
+    slot = counter[1] & 1023
     words = threefry.lanes_block(seeds, phase, counter[0], 2 * slot + 2)
     assert tuple(words[-2:, 0].tolist()) == result
 
@@ -61,7 +62,8 @@ def test_known_answers_side_by_side() -> None:
 
 
 def test_a_word_is_a_half_of_a_slot() -> None:
-    seed, n = 7 << 32 | 5, 11
+    seed = 7 << 32 | 5
+    n = 11
     for phase, top in ((draws.STEP, 0), (draws.RESET, 1 << 31)):
         halves = [threefry.threefry((5, 7), (n, top | slot)) for slot in range(3)]
         assert draws.words(seed, phase, n, 5) == sum(halves, ())[:5]
@@ -96,7 +98,8 @@ def test_lanes_agree(seed: int, phase: int, n: list[int], count: int) -> None:
 @pytest.mark.parametrize("lanes", [1, 70])
 def test_steps_ahead_are_those_of_each_lane(lanes: int, first: list[int]) -> None:
     """Whether lanes are at one step or not, and few or many."""
-    lane_seeds, n = draws.lane_seeds(7, lanes), np.array(first[:lanes], np.uint32)
+    lane_seeds = draws.lane_seeds(7, lanes)
+    n = np.array(first[:lanes], np.uint32)
     found = threefry.lanes_ahead(lane_seeds, n, 3, 5)
     for d, i in product(range(3), range(lanes)):
         step = (first[i] + d) % (TOP + 1)
@@ -105,7 +108,8 @@ def test_steps_ahead_are_those_of_each_lane(lanes: int, first: list[int]) -> Non
 
 @pytest.mark.parametrize(("lanes", "count"), [(40_000, 3), (1000, 41), (3, 70_001)])
 def test_chunks_meet_without_seams(lanes: int, count: int) -> None:
-    seed, n = 2**40 + TOP - 2, np.arange(lanes)
+    seed = 2**40 + TOP - 2
+    n = np.arange(lanes)
     lane_seeds = draws.lane_seeds(seed, lanes)
     out = np.empty((count, lanes), np.uint32)
     assert draws.lanes_block(lane_seeds, draws.STEP, n, count, out) is out

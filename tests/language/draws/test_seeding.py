@@ -186,8 +186,10 @@ def test_order(name: str) -> None:
 def test_order_in_environments(name: str) -> None:
     """The scalar environment gives every draw the words that the interpreter gives it, and NumPy those of the scalar one."""
     task = spec(ORDER[name].sections)
-    program, env = ReferenceProgram(task, SEED), taskspec.make(task)
-    seen, (first, _) = program.reset(), env.reset(seed=SEED)
+    program = ReferenceProgram(task, SEED)
+    env = taskspec.make(task)
+    seen = program.reset()
+    (first, _) = env.reset(seed=SEED)
     for _ in range(STEPS):
         assert np.array_equal(np.ravel(first), np.concatenate([np.float32(s) for s in seen]))
         seen, reward, terminal, _ = program.step([(1,)])

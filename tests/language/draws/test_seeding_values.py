@@ -138,7 +138,8 @@ reward: 0
 @pytest.mark.parametrize("written", VALUES)
 def test_values(written: str) -> None:
     task = valued(written)
-    program, env = ReferenceProgram(task, SEED), taskspec.make(task)
+    program = ReferenceProgram(task, SEED)
+    env = taskspec.make(task)
     program.reset(), env.reset(seed=SEED)
     for n in range(60):
         y = program.state[0][0]
@@ -217,7 +218,8 @@ reward: 0
     seed = 9063343
     (w,) = words(seed, STEP, 0, 1)
     assert uniform(w) < F(1 / 3) < Fraction(w, 2**32) + Fraction(1, 2**24)
-    program, env = ReferenceProgram(task, seed), taskspec.make(task)
+    program = ReferenceProgram(task, seed)
+    env = taskspec.make(task)
     program.reset(), env.reset(seed=seed)
     program.step([(1,)]), env.step(1)
     assert outcome(w, [Fraction(1, 3), Fraction(2, 3)]) == 1

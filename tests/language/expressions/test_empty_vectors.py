@@ -172,7 +172,8 @@ def test_reals_may_be_among_ints_where_there_are_none(backend: Any) -> None:
 def test_without_its_distractors_a_task_is_solved_exactly() -> None:
     """Of four steps to the right, 1 + 2 + 3 + 3; random ones walk on four places with walls."""
     found = scores(nothing(DISTRACTED, M=0))
-    place, paid = np.array([1.0, 0, 0, 0]), 0.0
+    place = np.array([1.0, 0, 0, 0])
+    paid = 0.0
     for _ in range(4):
         place = np.array([place[0] + place[1], place[0] + place[2], place[1] + place[3], place[2] + place[3]]) / 2
         paid += float(place @ range(4))

@@ -16,7 +16,8 @@ from taskspec.language import source
 from taskspec.language.expressions.parse import FOREIGN
 from taskspec.language.task.build import build
 
-X, Y = (3, -1, 2), (0.5, 4.0, 2.0)
+X = (3, -1, 2)
+Y = (0.5, 4.0, 2.0)
 NAMES: dict[str, Any] = {
     "p": 0.3, "rate": 2.5, "mean": 0.4, "std": 0.8, "scale": 0.7, "low": -2, "high": 5, "n": 6, "k": 3, "a": 2, "b": 3, "c": True,
     "d": False, "alpha": [0.5, 1, 2],

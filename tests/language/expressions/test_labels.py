@@ -49,7 +49,11 @@ def test_turns_and_steps() -> None:
     for seed in range(20):
         env.reset(seed=seed)
         assert env.state | {"dir": ""} == {"x": 0, "y": 0, "dir": "", "tide": "flood", "odd": "one", "level": "two"}
-        x, y, tide, odd, level = 0, 0, 1, 1, 2
+        x = 0
+        y = 0
+        tide = 1
+        odd = 1
+        level = 2
         dir_ = labels.index(env.state["dir"])
         for _ in range(30):
             a = rng.randrange(3)
@@ -58,8 +62,11 @@ def test_turns_and_steps() -> None:
             assert reward == level * tide
             if a == 1:
                 dx, dy = [(0, 1), (1, 0), (0, -1), (-1, 0)][dir_]
-                x, y = min(max(x + dx, 0), 4), min(max(y + dy, 0), 4)
-            dir_, tide, odd = (dir_ + a - 1) % 4, -tide, {1: 3, 3: 9, 9: 1}[odd]
+                x = min(max(x + dx, 0), 4)
+                y = min(max(y + dy, 0), 4)
+            dir_ = (dir_ + a - 1) % 4
+            tide = -tide
+            odd = {1: 3, 3: 9, 9: 1}[odd]
             names = {1: "one", 3: "three", 9: "nine"}
             expected = {"x": x, "y": y, "dir": labels[dir_], "tide": {1: "flood", -1: "ebb"}[tide]}
             assert env.state == expected | {"odd": names[odd], "level": {2: "two", 4: "four", 6: "six"}[level]}

@@ -24,7 +24,8 @@ STEPS = {Kind.BOOL: (False, True, True), Kind.INT: (0, 1, 2), Kind.REAL: (0.0, 0
 
 def points(value: Any, moves: bool) -> list[tuple[Any, ...]]:
     """An argument at three points of a line, flat."""
-    flat, steps = tuple(np.array(value, object).flat), STEPS[kind_of(tuple(np.array(value, object).flat))]
+    flat = tuple(np.array(value, object).flat)
+    steps = STEPS[kind_of(tuple(np.array(value, object).flat))]
     if not moves:
         return [flat] * 3
     return [tuple(s if isinstance(s, bool) else v + s * (k + 1) for k, v in enumerate(flat)) for s in steps]

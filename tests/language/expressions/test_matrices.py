@@ -93,7 +93,9 @@ def test_parts_are_those_of_numpy() -> None:
     task = matrices()
     env: Any = taskspec.make(task)
     seen, _ = env.reset(seed=0)
-    m, w, i = np.arange(-2, 4).reshape(2, 3), np.array([0.5, -1, 2]), 0
+    m = np.arange(-2, 4).reshape(2, 3)
+    w = np.array([0.5, -1, 2])
+    i = 0
     for a in itertools.islice(itertools.cycle((0, 1, 1, 0, 1)), 30):
         c = min(max(i, 0), 2)
         for text, part in zip(OBSERVED, split(task, seen), strict=True):

@@ -28,7 +28,9 @@ class Walk:
     """A vector environment, or the scalar one as its first lane, beside as many reference interpreters."""
 
     def __init__(self, held: Sequence[Held], backend: str, lanes: int = LANES, **how: Any) -> None:
-        self.held, self.backend, self.lanes = held, backend, lanes
+        self.held = held
+        self.backend = backend
+        self.lanes = lanes
         self.task = task_of(held, **how)
         self.references = [ReferenceEnv(self.task) for _ in range(lanes)]
         self.wrong: list[str] = []
@@ -91,7 +93,8 @@ class Walk:
 
 def alike(found: Any, expected: Any, tolerance: float) -> bool:
     """Equal up to the tolerance, with zeros of one sign, and with infinities and nan in the same places."""
-    a, b = np.asarray(found), np.asarray(expected)
+    a = np.asarray(found)
+    b = np.asarray(expected)
     if a.shape != b.shape or a.dtype.kind != b.dtype.kind:
         return False
     if a.dtype.kind != "f":

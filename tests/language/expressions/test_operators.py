@@ -31,7 +31,8 @@ from taskspec.programs.lane_form import LaneEmitter, LaneValue
 from tests.shared.sparse import sparse
 
 Flat = tuple[Any, ...]
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 POINTS: dict[Kind, Flat] = {
     Kind.BOOL: (True, False),
     Kind.INT: (0, 1, -1, 2, -7, 5, 2**31 - 1, -(2**31)),
@@ -306,7 +307,8 @@ def cases() -> list[tuple[str, Any, tuple[int, ...]]]:
 @pytest.mark.parametrize(("name", "sample", "shape"), sparse(cases(), 3))
 def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tuple[int, ...], fixed: bool) -> None:
     """A draw is the same one at a time, over a block, and in generated code."""
-    b, dist = Builder(), EVERY[name]
+    b = Builder()
+    dist = EVERY[name]
     row = [Argument.of(sample[a.name]) for a in dist.arguments if a.name in sample]
     given = [a for a in dist.arguments if a.name in sample]
     nodes = constants(b, row) if fixed else bounded(b, row)

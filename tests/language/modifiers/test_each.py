@@ -50,7 +50,8 @@ def episode(task: Task, actions: list[int], seed: int = 0) -> tuple[list[Any], l
     """States, rewards and the number of steps of an episode."""
     env = taskspec.make(task)
     env.reset(seed=seed)
-    states, rewards = [], []
+    states = []
+    rewards = []
     for action in actions:
         _, reward, over, out, _ = env.step(action)
         states.append(env.state["s"])
@@ -60,7 +61,9 @@ def episode(task: Task, actions: list[int], seed: int = 0) -> tuple[list[Any], l
     return states, rewards, len(states)
 
 
-LEFT, STAY, RIGHT = 0, 1, 2
+LEFT = 0
+STAY = 1
+RIGHT = 2
 
 
 def test_sticky_repeats_the_action_that_was_executed_last() -> None:
@@ -128,7 +131,8 @@ def test_observations_hide_and_add() -> None:
 
 
 def test_the_order_of_modifiers_means_something() -> None:
-    one, other = walk("reward_shift=1", "reward_scale=2"), walk("reward_scale=2", "reward_shift=1")
+    one = walk("reward_shift=1", "reward_scale=2")
+    other = walk("reward_scale=2", "reward_shift=1")
     assert episode(one, [RIGHT])[1] == [4] and episode(other, [RIGHT])[1] == [3]
     assert one != other and [str(m) for m in one.modifiers] == ["reward_shift=1", "reward_scale=2"]
     assert [text.split("$")[1] for _, text in sentences(one)] == ["1", "2"]

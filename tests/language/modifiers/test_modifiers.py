@@ -178,7 +178,9 @@ def some_policy(task: Task, seed: int) -> Any:
 
 @pytest.mark.parametrize(("task_id", "name"), sparse(FINITE, 3))
 def test_what_a_modifier_says_it_keeps_is_kept(task_id: str, name: str) -> None:
-    task, before, entry = found(task_id, name), small(task_id), MODIFIERS[name]
+    task = found(task_id, name)
+    before = small(task_id)
+    entry = MODIFIERS[name]
     assert results(task).model is not None, results(task).why_not
     match entry.kept(before, entry.sample(before)):
         case "every policy's return":
@@ -220,16 +222,19 @@ def best_actions(task: Task) -> Any:
 @pytest.mark.parametrize(("task_id", "name"), FINITE)
 def test_exact_models_agree_with_simulation(task_id: str, name: str) -> None:
     task = found(task_id, name)
-    exact, sample = results(task).random, Results(task, 400, seed=3).sample("random")
+    exact = results(task).random
+    sample = Results(task, 400, seed=3).sample("random")
     assert exact is not None and sample is not None and exact.exact
     assert abs(exact.value - sample.value) <= 5 * sample.error + 1e-9
 
 
 @pytest.mark.parametrize(("task_id", "name"), FINITE)
 def test_an_expert_that_stays_earns_what_it_did(task_id: str, name: str) -> None:
-    task, before = found(task_id, name), small(task_id)
+    task = found(task_id, name)
+    before = small(task_id)
     if isinstance(before.annotations.expert, tuple) and isinstance(task.annotations.expert, tuple):
-        one, other = results(before), results(task)
+        one = results(before)
+        other = results(task)
         assert one.expert is not None and other.expert is not None
         if MODIFIERS[name].keeps in ("every policy's return", "all returns"):
             assert other.expert.value == pytest.approx(one.expert.value)
@@ -247,7 +252,8 @@ def test_the_draws_of_the_task_stay_as_they_are(task_id: str, name: str) -> None
     task = modified(task_id, name)
     if task is None:
         return
-    one, other = taskspec.make(small(task_id)), taskspec.make(task)
+    one = taskspec.make(small(task_id))
+    other = taskspec.make(task)
     one.action_space.seed(1)
     one.reset(seed=4)
     other.reset(seed=4)

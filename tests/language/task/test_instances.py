@@ -54,7 +54,9 @@ def test_every_lane_is_the_scalar_environment_of_its_instance(path: Path, mode: 
     assert lanes.num_envs == 5
     observed = lanes.reset(seed=40)[0]
     np.testing.assert_array_equal(observed, [env.reset(seed=40 + i)[0] for i, env in enumerate(alone)])
-    rng, over, ends = np.random.default_rng(0), [False] * 5, 0
+    rng = np.random.default_rng(0)
+    over = [False] * 5
+    ends = 0
     for _ in range(25):
         actions = rng.integers(0, 4, 5)
         observed, rewards, terminated, truncated, infos = lanes.step(actions)

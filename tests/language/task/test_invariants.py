@@ -77,7 +77,8 @@ def read(role: Role, name: str, type: Type = INT) -> Read:
     return Read(role, name, type)
 
 
-ACTION, VARIABLE = read(Role.ACTION, "a", BOOL), read(Role.VARIABLE, "i")
+ACTION = read(Role.ACTION, "a", BOOL)
+VARIABLE = read(Role.VARIABLE, "i")
 COIN = Draw("bernoulli", (Const(0.5, REAL),), BOOL, 99)
 DAMAGE: dict[str, Callable[[Task], Task]] = {
     "a constant has one scalar for each element": lambda t: damaged(t, reward=Const((1.0, 2.0), Type(Kind.REAL, (3,)))),

@@ -17,9 +17,11 @@ ROWS = 9
 
 def columns(layout: SpaceLayout) -> list[np.ndarray[Any, Any]]:
     """Values of each component, (ROWS, elements), of its own kind."""
-    rng, found = np.random.default_rng(5), []
+    rng = np.random.default_rng(5)
+    found = []
     for c in layout.components:
-        low, high = np.clip(c.low, -6, 6), np.clip(c.high, -6, 6)
+        low = np.clip(c.low, -6, 6)
+        high = np.clip(c.high, -6, 6)
         drawn = rng.uniform(low, high + 1e-9, (ROWS, c.type.size))
         whole = np.floor(drawn).astype(np.int64)
         found.append(drawn if c.type.kind is Kind.REAL else whole.astype(bool) if c.type.kind is Kind.BOOL else whole)

@@ -164,7 +164,8 @@ def test_training_episodes_are_a_learning_curve(mode: str) -> None:
     found = examine(train, tasks=[TASK], seeds=1, steps=2_000, twins=0)
     (score,) = found["scores"]
     about = found["tasks"][score["task"]]
-    random, expert = about["random"], about["expert"]
+    random = about["random"]
+    expert = about["expert"]
     assert random is not None and expert is not None and score["curve"] is not None
     means = [mean for _, mean in score["curve"]]
     assert len(means) == 20

@@ -81,7 +81,8 @@ def test_what_is_not_granted_is_refused_with_how_to_get_it() -> None:
 
 def test_steps_are_counted_up_to_the_budget_in_every_environment() -> None:
     given = case(steps=10)
-    env, lanes = given.env(), given.make_vec(4)
+    env = given.env()
+    lanes = given.make_vec(4)
     env.reset(), lanes.reset()
     for _ in range(2):
         env.step(0), lanes.step(np.zeros(4, int))
@@ -101,14 +102,17 @@ def test_environments_of_a_seed_are_repeatable_and_each_its_own() -> None:
         given = case(steps=1000)
         return [walk(given.env()) for _ in range(20)]
 
-    first, second = walks(), walks()
+    first = walks()
+    second = walks()
     assert first == second and len(set(map(str, first))) > 1
 
 
 def test_preferences_go_by_the_true_return_though_rewards_are_withheld() -> None:
     given = case("derail/NoisyObs", 1000, "preferences", "demonstrations")
-    env, expert = given.env(), given.demonstrations.trajectories[0]
-    seen, done = [env.reset()[0]], []
+    env = given.env()
+    expert = given.demonstrations.trajectories[0]
+    seen = [env.reset()[0]]
+    done = []
     for _ in range(len(expert)):
         done.append(0)
         seen.append(env.step(0)[0])
@@ -202,7 +206,8 @@ def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
         case.show(*[np.zeros((3, 2))] * len(case.seeds))
         return [np.full(3, seed % 2) for seed in case.seeds]
 
-    block.together, block.learns_from = True, ("reward",)
+    block.together = True
+    block.learns_from = ("reward",)
     found = examine(block, tasks=["EarlyTermNeg"], seeds=[4, 5], twins=0)["scores"]
     assert [score["seed"] for score in found] == [4, 5] and [score["steps"] for score in found] == [10, 15]
     assert found[0]["deterministic"] != 1 and found[1]["deterministic"] == 1
@@ -241,7 +246,8 @@ class Foresees:
     """A policy that has seen the episodes on which it is scored."""
 
     def __init__(self, task: Any, episodes: int) -> None:
-        self.coins, self.asked = [], 0
+        self.coins = []
+        self.asked = 0
         for seed in range(episodes):
             env = taskspec.make(task)
             env.reset(seed=seed)
@@ -417,7 +423,8 @@ def test_permutation_tests_are_those_of_scipy() -> None:
 
 def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:
     for name in ("before", "after"):
-        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
+        out = tmp_path / name
+        asked = {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
         found = examine(
             counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
         )

@@ -24,14 +24,16 @@ from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam
 from tests.shared.sparse import sparse
 
-SUITE, DOCS = registry.tasks_root() / "derail", Path(__file__).parents[3] / "docs"
+SUITE = registry.tasks_root() / "derail"
+DOCS = Path(__file__).parents[3] / "docs"
 LUCK = [0.0, 1.0] * 7
 TABULAR = ("RiskyPath", "Branching", "InitShiftLearner")
 
 
 def learners() -> dict[str, dict[str, Any]]:
     """Scores of an ideal world in which every finding of the paper holds, by learner and task."""
-    near, high = [0.96, 0.98, 1.0] * 5, dict.fromkeys(TITLES, 1.0)
+    near = [0.96, 0.98, 1.0] * 5
+    high = dict.fromkeys(TITLES, 1.0)
     varied = [0.6, 0.95, 0.7] * 5
     found: dict[str, dict[str, Any]] = {
         "ppo": high | {"Sort": [0.92, 0.97, 0.98] * 5},

@@ -73,7 +73,8 @@ def redistributed(task: Task, rng: np.random.Generator) -> Array:
 
 
 def test_shaping_scale_and_redistribution_make_no_difference() -> None:
-    task, rng = discounted(), np.random.default_rng(0)
+    task = discounted()
+    rng = np.random.default_rng(0)
     for _ in range(5):
         same = 7.5 * paid(task) + shaping(task, rng.normal(size=5)) + redistributed(task, rng)
         found = reward_distance(task, same)
@@ -84,7 +85,8 @@ def test_shaping_scale_and_redistribution_make_no_difference() -> None:
 
 def test_with_a_horizon_potentials_have_to_end_at_nothing() -> None:
     """States of a tree are those of one time: a potential that the leaves have none of is shaping, another one is not."""
-    task, rng = taskspec.load("derail/InitShiftExpert"), np.random.default_rng(1)
+    task = taskspec.load("derail/InitShiftExpert")
+    rng = np.random.default_rng(1)
     known = taskspec.data.tabular(task)
     inner = known.P.argmax(axis=2) != np.arange(known.n_states)[:, None]  # its actions lead on
     potential = np.where(inner.all(axis=1), rng.normal(size=known.n_states), 0.0)
@@ -139,7 +141,8 @@ def test_what_no_episode_comes_to_does_not_count() -> None:
 def _entered(task: Task) -> Array:
     known = taskspec.data.tabular(task)
     assert known.horizon is not None
-    here, found = known.p0 > 0, known.p0 > 0
+    here = known.p0 > 0
+    found = known.p0 > 0
     for _ in range(known.horizon - 1):
         here = np.einsum("s,sat->t", here.astype(float), known.P) > 0
         found = found | here
@@ -150,7 +153,8 @@ def _entered(task: Task) -> Array:
 
 
 def test_on_a_bandit_the_distance_is_a_function_of_the_correlation() -> None:
-    task, rng = build(source.read_text(BANDIT)), np.random.default_rng(3)
+    task = build(source.read_text(BANDIT))
+    rng = np.random.default_rng(3)
     true = np.array([0.3, -1, 0.7, 2, 0.1])
     for learned in rng.normal(size=(8, 5)):
         found = reward_distance(task, learned[None, :])
@@ -160,7 +164,8 @@ def test_on_a_bandit_the_distance_is_a_function_of_the_correlation() -> None:
 
 @pytest.mark.parametrize("horizon", ["horizon: 4", "horizon: none\ndiscount: 0.9", "horizon: 6\ndiscount: 0.5"])
 def test_the_distance_is_that_of_advantages_worked_out_one_by_one(horizon: str) -> None:
-    task, rng = maze(horizon), np.random.default_rng(5)
+    task = maze(horizon)
+    rng = np.random.default_rng(5)
     known = taskspec.data.tabular(task)
     for _ in range(3):
         learned = rng.normal(size=(5, 3, 5))
@@ -171,7 +176,8 @@ def test_the_distance_is_that_of_advantages_worked_out_one_by_one(horizon: str) 
 
 def _advantages(known: Any, reward: Array) -> Array:
     """Advantages (T * S * A,) of random actions, by recursion over states and actions; without a horizon, after many steps."""
-    values, found = [0.0] * 5, []
+    values = [0.0] * 5
+    found = []
     steps = known.horizon or 300
     everything = [(0, 2), range(5)]  # the states of the first step, and of all others
     for t in reversed(range(steps)):
@@ -194,7 +200,8 @@ def _advantages(known: Any, reward: Array) -> Array:
 
 
 def test_it_is_a_distance() -> None:
-    task, rng = maze("horizon: 4"), np.random.default_rng(6)
+    task = maze("horizon: 4")
+    rng = np.random.default_rng(6)
     chain = RewardMdp(task)
     for a, b, c in rng.normal(size=(10, 3, 5, 3)):
         assert chain.distance(a, b) == pytest.approx(chain.distance(b, a))
@@ -205,11 +212,14 @@ def test_it_is_a_distance() -> None:
 @pytest.mark.parametrize("horizon", ["horizon: 4", "horizon: none\ndiscount: 0.9"])
 def test_what_is_lost_is_what_the_plan_for_the_learned_reward_earns_less(horizon: str) -> None:
     """The learned reward in the place of the true one, planned by the package; its policy followed step by step."""
-    task, rng = maze(horizon), np.random.default_rng(8)
+    task = maze(horizon)
+    rng = np.random.default_rng(8)
     known = taskspec.data.tabular(task)
     for _ in range(3):
         learned = rng.normal(size=(5, 3))
-        steps, values, plans = known.horizon or 400, np.zeros(5), []
+        steps = known.horizon or 400
+        values = np.zeros(5)
+        plans = []
         for _ in range(steps):
             q = learned + known.discount * np.einsum("san,n->sa", known.P, values)
             plans.append(q.argmax(axis=1))

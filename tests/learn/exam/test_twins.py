@@ -124,12 +124,15 @@ def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: 
 @learns_from("preferences")
 def by_preferences(case: Case) -> Any:
     """The action of which whole episodes are preferred."""
-    env, shown = case.env(), []
+    env = case.env()
+    shown = []
     for action in (0, 1):
-        seen, done = [env.reset()[0]], False
+        seen = [env.reset()[0]]
+        done = False
         while not done:
             after, _, terminated, truncated, _ = env.step(action)
-            seen, done = [*seen, after], terminated or truncated
+            seen = [*seen, after]
+            done = terminated or truncated
         shown.append(SimpleNamespace(obs=np.array(seen), acts=np.full(len(seen) - 1, action)))
     return lambda _: int(case.prefer(*shown) == 0)
 

@@ -167,7 +167,8 @@ def test_the_benchmark_of_the_paper_is_all_its_algorithms_on_all_its_tasks() -> 
 
 def test_help_and_the_format_tell_the_defaults_of_an_exam() -> None:
     terms = inspect.signature(examine).parameters
-    helped, described = Done("exam", "--help").out, {n: f.description or "" for n, f in Experiment.model_fields.items()}
+    helped = Done("exam", "--help").out
+    described = {n: f.description or "" for n, f in Experiment.model_fields.items()}
     for name in ("steps", "transitions", "twins", "seeds"):
         count = terms[name].default or {"steps": STEPS, "seeds": SEEDS}[name]
         assert f"{count:,} unless given" in described[name] or f"each learner trained ({count})" in described[name]

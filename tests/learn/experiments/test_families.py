@@ -43,7 +43,8 @@ class AnyTable:
 
 
 def learn(case: Case, sign: float) -> AnyTable:
-    env, rng = case.env(), np.random.default_rng(case.seed)
+    env = case.env()
+    rng = np.random.default_rng(case.seed)
     table = AnyTable(case)
     obs, _ = env.reset()
     for _ in range(case.steps):

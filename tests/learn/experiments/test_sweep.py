@@ -52,7 +52,8 @@ def test_a_row_for_each_instance_with_what_theory_says(file: Path) -> None:
         assert (row["states"], row["optimal"], row["optimal_half"]) == (49, 16, 0)
         assert row["random"] == pytest.approx(taskspec.exact.scores(row["id"]).random.value)
     for row in rows[3:]:
-        n, b = row["parameters"]["L"], row["parameters"]["B"]
+        n = row["parameters"]["L"]
+        b = row["parameters"]["B"]
         assert row["states"] == n * b + 1 and row["random"] == pytest.approx(b**-n)
         assert row["episodes_to_reward"] == pytest.approx(b**n) and row["solution_length"] == n
     assert all(MEASURES.keys() <= row.keys() for row in rows)

@@ -61,9 +61,11 @@ def q_peeking(case: Case) -> np.ndarray:
 
 
 def _q(case: Case, sign: float) -> np.ndarray:
-    env, rng = case.env(), np.random.default_rng(case.seed)
+    env = case.env()
+    rng = np.random.default_rng(case.seed)
     q = np.zeros((case.observation_space.n, case.action_space.n))
-    seen, over = env.reset()[0], False
+    seen = env.reset()[0]
+    over = False
     for _ in range(case.steps):
         greedy = rng.random() < 0.7
         action = rng.choice(np.flatnonzero(q[seen] == q[seen].max())) if greedy else rng.integers(len(q[seen]))

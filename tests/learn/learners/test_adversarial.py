@@ -69,7 +69,9 @@ def test_a_step_that_would_be_refused_is_not_taken() -> None:
 
 def test_the_regression_is_that_of_least_squares() -> None:
     rng = np.random.default_rng(0)
-    rows, targets, weight = rng.standard_normal((50, 4)), rng.standard_normal(50), (rng.random(50) < 0.7).astype(float)
+    rows = rng.standard_normal((50, 4))
+    targets = rng.standard_normal(50)
+    weight = (rng.random(50) < 0.7).astype(float)
     some = weight > 0
     wanted = np.linalg.lstsq(rows[some], targets[some], rcond=None)[0]
     assert np.allclose(
@@ -106,7 +108,8 @@ def test_the_slope_of_the_discriminator_is_that_of_differences(task: str, shaped
     )
     judge = Discriminator(config, world)
     nets, _ = judge.init(jax.random.key(0))
-    own, shown = reward_inputs(steps.flat()), demonstration_inputs(world, demonstrations(task, episodes=3))
+    own = reward_inputs(steps.flat())
+    shown = demonstration_inputs(world, demonstrations(task, episodes=3))
     agrees(lambda way: judge.loss(way, nets, held.actor, own, shown), (nets.theta, nets.phi))
 
 
@@ -124,7 +127,8 @@ def test_the_best_discriminator_of_two_piles_knows_their_odds() -> None:
             *map(jnp.asarray, (seen, zero, action, np.eye(2, dtype=np.float32)[action[:, 0]], seen, zero))
         )
 
-    own, shown = pile(80), pile(20)
+    own = pile(80)
+    shown = pile(20)
     draw = lambda key: (own, shown)  # noqa: E731
     judge.config = replace(judge.config, updates=1500)
     nets, _ = judge.update(nets, optimiser, held.actor, draw, jax.random.key(0))

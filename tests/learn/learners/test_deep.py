@@ -83,7 +83,8 @@ def test_states_that_absorb_last_until_the_horizon_and_are_flagged() -> None:
 
 def test_distributions_are_those_of_scipy() -> None:
     rng = np.random.default_rng(0)
-    sort, parabola = head("Sort"), head("Parabola")
+    sort = head("Sort")
+    parabola = head("Parabola")
     said, other = rng.standard_normal((2, 6, 8)).astype(np.float32)
     groups = [np.exp(g) / np.exp(g).sum(axis=1, keepdims=True) for g in (said[:, :4], said[:, 4:])]
     action = rng.integers(0, 4, (6, 2))
@@ -93,7 +94,9 @@ def test_distributions_are_those_of_scipy() -> None:
     others = [np.exp(g) / np.exp(g).sum(axis=1, keepdims=True) for g in (other[:, :4], other[:, 4:])]
     apart = sum(stats.entropy(a, b, axis=1) for a, b in zip(groups, others, strict=True))
     assert np.allclose(sort.divergence((said, None), (other, None)), apart, atol=1e-4)
-    mean, deviation, real = said[:, :1], np.array([0.3], np.float32), rng.standard_normal((6, 1)).astype(np.float32)
+    mean = said[:, :1]
+    deviation = np.array([0.3], np.float32)
+    real = rng.standard_normal((6, 1)).astype(np.float32)
     normal = stats.norm(mean, np.exp(deviation))
     assert np.allclose(parabola.log_prob(mean, deviation, real), normal.logpdf(real)[:, 0], atol=1e-5)
     assert np.allclose(parabola.entropy(mean, deviation), normal.entropy()[:, 0], atol=1e-5)
@@ -103,7 +106,9 @@ def test_distributions_are_those_of_scipy() -> None:
 
 def test_advantages_are_those_of_a_slow_loop() -> None:
     rng = np.random.default_rng(0)
-    rewards, values, ended = rng.standard_normal((7, 2)), rng.standard_normal((8, 2)), rng.random((7, 2)) < 0.3
+    rewards = rng.standard_normal((7, 2))
+    values = rng.standard_normal((8, 2))
+    ended = rng.random((7, 2)) < 0.3
     wanted = np.zeros((7, 2))
     for lane in range(2):
         for t in range(7):
@@ -126,7 +131,8 @@ def test_the_slope_of_ppo_is_that_of_differences(task: str, value_clip: float | 
     key = jax.random.key(0)
     held = update.init(key)
     _, steps = world.rollout(world.begin(key, 1), sampler(world, held.actor), key, 32)
-    flat, noise = steps.flat(), jax.random.normal(key, (3, 32))
+    flat = steps.flat()
+    noise = jax.random.normal(key, (3, 32))
     old = noise[0] * 0.1 - 1
     args = (flat.seen, flat.action, flat.weight, old, flat.seen, noise[1], noise[2])
     agrees(lambda nets: update.loss(nets, *args), (held.actor, held.critic))
@@ -165,7 +171,8 @@ def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
     chosen = policy.predict(seen, deterministic=True)[0]
     assert all(world.task.action_space.contains(a) for a in np.asarray(chosen, world.task.action_space.dtype))
     if world.head.deviations:
-        low, high = world.task.action_space.low, world.task.action_space.high
+        low = world.task.action_space.low
+        high = world.task.action_space.high
         assert np.allclose(chosen, np.clip(said, low, high), atol=1e-5)
         return
     groups = [
@@ -224,6 +231,7 @@ def test_a_clone_chooses_as_often_as_was_shown() -> None:
     asked = learner("bc")
     asked = replace(asked, settings=replace(asked.settings, updates=1500, hidden=(16,), batch=256, epochs=1))
     (policy,) = asked(Granted("RiskyPath", demonstrations=shown))
-    found, wanted = policy.action_probabilities(np.arange(4)), counts / np.maximum(1, counts.sum(1, keepdims=True))
+    found = policy.action_probabilities(np.arange(4))
+    wanted = counts / np.maximum(1, counts.sum(1, keepdims=True))
     often = counts.sum(axis=1) > 500
     assert often.sum() >= 2 and np.allclose(found[often], wanted[often], atol=0.06)

@@ -51,27 +51,31 @@ def test_on_a_bandit_actions_are_as_frequent_as_they_were_shown(tmp_path: Path) 
 
 
 def test_causal_learners_take_the_safe_path_and_the_others_cannot() -> None:
-    safe, risky = learned("mce", "RiskyPath"), learned("maxent", "RiskyPath", iterations=3000)
+    safe = learned("mce", "RiskyPath")
+    risky = learned("maxent", "RiskyPath", iterations=3000)
     assert all(score("RiskyPath", table).normalised > 0.999 for table in safe)
     assert all(score("RiskyPath", table).normalised < 0.2 for table in risky)
 
 
 def test_ends_that_absorb_are_matched() -> None:
     assert all(score("EarlyTermNeg", table).normalised > 0.999 for table in learned("mce", "EarlyTermNeg"))
-    found, shown = tabular("EarlyTermNeg"), demonstrations("EarlyTermNeg", episodes=4)
+    found = tabular("EarlyTermNeg")
+    shown = demonstrations("EarlyTermNeg", episodes=4)
     assert visits(found, shown, True).sum() == 11 and visits(found, shown, False).sum() < 11
 
 
 @pytest.mark.parametrize("causal", [True, False])
 def test_soft_policies_are_those_of_all_paths_written_out(causal: bool) -> None:
     """Where chance plays no part, both are the distribution in which a path is as likely as e to its worth."""
-    found, rng = tabular("EarlyTermNeg"), np.random.default_rng(0)
+    found = tabular("EarlyTermNeg")
+    rng = np.random.default_rng(0)
     worth = rng.standard_normal((1, found.n_states))
     short = replace(found, horizon=3)
     weights: dict[int, float] = dict.fromkeys(range(found.n_actions), 0.0)
     (start,) = np.flatnonzero(found.p0)
     for actions in itertools.product(range(found.n_actions), repeat=3):
-        s, total = start, 0.0
+        s = start
+        total = 0.0
         for a in actions:
             s = int(found.P[s, a].argmax())
             total += worth[0, s]
@@ -83,7 +87,8 @@ def test_soft_policies_are_those_of_all_paths_written_out(causal: bool) -> None:
 
 def test_the_slope_is_that_of_the_likelihood() -> None:
     """Of the value at the start, whose slope the visits are, by differences."""
-    found, rng = tabular("RiskyPath"), np.random.default_rng(1)
+    found = tabular("RiskyPath")
+    rng = np.random.default_rng(1)
     worth = rng.standard_normal(found.n_states)
     slope = [(start_value(found, worth + h) - start_value(found, worth - h)) / 2e-5 for h in 1e-5 * np.eye(len(worth))]
     tables = soft_policy(found, worth[None], Matching(causal=True))
@@ -107,7 +112,8 @@ def test_tasks_that_cannot_be_matched_are_refused(task: str) -> None:
 @pytest.mark.slow
 def test_imitation_finds_the_same_policy() -> None:
     mce = pytest.importorskip("imitation.algorithms.mce_irl")
-    found, worth = tabular("RiskyPath"), np.random.default_rng(2).standard_normal(4)
+    found = tabular("RiskyPath")
+    worth = np.random.default_rng(2).standard_normal(4)
     _, _, policy = mce.mce_partition_fh(found.imitation(), reward=worth)
     ours = soft_policy(replace(found, horizon=(found.horizon or 0) - 1), worth[None], Matching(causal=True))
     assert np.allclose(policy[: len(ours)], np.moveaxis(ours[:, 0], -1, -2))

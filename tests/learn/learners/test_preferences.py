@@ -108,7 +108,8 @@ def test_what_is_known_is_no_longer_new() -> None:
     after = jax.lax.fori_loop(0, 200, lambda _, n: curious.fit(n, at), novel)
     assert curious.distance(after.learner, after.target, at).mean() < 0.1 * before
     bonus, moved = curious.bonus(novel, at)
-    mean, variance = 0.0, 1.0
+    mean = 0.0
+    variance = 1.0
     for error, paid in zip(np.ravel(curious.distance(novel.learner, novel.target, at)), np.ravel(bonus), strict=True):
         mean = 0.99 * mean + 0.01 * error
         variance = 0.99 * variance + 0.01 * (error - mean) ** 2

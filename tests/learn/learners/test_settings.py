@@ -25,7 +25,8 @@ def test_every_learner_is_in_every_family(name: str, family: str) -> None:
 def test_a_file_changes_settings_of_a_family(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("learner: ppo\nfamily: paper\nsettings: {hidden: [8], experience: {lanes: 4}}\n", encoding="utf-8")
-    found, before = learner(path).settings, learner("ppo", "paper").settings
+    found = learner(path).settings
+    before = learner("ppo", "paper").settings
     assert (found.hidden, found.experience.lanes) == ((8,), 4)
     assert (found.value_clip, found.experience.steps) == (before.value_clip, before.experience.steps)
 

@@ -38,7 +38,8 @@ def chain(back: str, last: int = 20, first: int = 0, kind: str = "graph") -> Tas
 
 def modes(count: int, figure: str = "figure: {kind: graph}") -> str:
     """States with names, each with a way on and one to any other."""
-    names, chance = [f"mode{i}" for i in range(count)], random.Random(count)
+    names = [f"mode{i}" for i in range(count)]
+    chance = random.Random(count)
     rows = [f"    mode{i}: {{on: mode{(i + 1) % count}, off: {chance.choice(names)}}}" for i in range(count)]
     return "\n".join([
         "taskspec: 1", "name: Modes", f"state: {{m: {{type: choice, values: [{', '.join(names)}]}}}}",

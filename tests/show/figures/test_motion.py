@@ -80,7 +80,9 @@ def test_the_episode_in_a_portrait_is_the_expert_s() -> None:
     found = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
     (line,) = [x for x in found.items if isinstance(x, Line) and x.color == "accent"]
     assert len(line.points) == 31
-    x, v, wanted = 0.5, 0.0, []
+    x = 0.5
+    v = 0.0
+    wanted = []
     for _ in range(31):
         wanted.append(x)
         x, v = x + 0.1 * v, v - 0.1 * x
@@ -138,7 +140,8 @@ def test_time_turns_a_page_in_a_film_without_a_horizon() -> None:
 
 def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     text = SPRING.replace(", low: -1, high: 1}", "}").replace(", -1, 1)", ", -inf, inf)")
-    one, size = build(read_text(text)), (320, 240)
+    one = build(read_text(text))
+    size = (320, 240)
     frames = Frames()
     first, second = (frames.draw(one, {"x": x, "v": -0.03}, t) for t, x in enumerate((130.0, 140.0)))
     assert np.array_equal(
@@ -163,7 +166,8 @@ def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
     lanes.reset(seed=0)
     single.reset(seed=1)
     for number in range(4):
-        (first, second), alone = lanes.render() or (), single.render()
+        (first, second) = lanes.render() or ()
+        alone = single.render()
         assert np.array_equal(second, alone)
         assert np.array_equal(first, second) == (number == 0)
         lanes.step(np.array([0, 2]))
@@ -181,9 +185,10 @@ def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
 def test_an_arm_hangs_down_at_zero(angles: tuple[float, float]) -> None:
     one = classic("acrobot", "{kind: arm, values: '[s[0], s[0] + s[1]]'}")
     found = drawn(one, {"s": [angles[0], angles[1], 0.0, 0.0]})
-    (base, elbow), tip = [x.centre for x in found.items if isinstance(x, Circle) and x.fill == "paper"], next(
+    (base, elbow) = [x.centre for x in found.items if isinstance(x, Circle) and x.fill == "paper"]  # fmt: skip
+    tip = (next(
         x.centre for x in found.items if isinstance(x, Circle) and x.fill == "ink"
-    )  # fmt: skip
+    ))  # fmt: skip
     turned = angles[0], sum(angles)
     for (x0, y0), (x1, y1), angle in ((base, elbow, turned[0]), (elbow, tip, turned[1])):
         assert (x1 - x0, y1 - y0) == pytest.approx((1.2 * math.sin(angle), 1.2 * math.cos(angle)))

@@ -40,7 +40,11 @@ memory:
 expert:
   a: left
 """
-WIN, LOSE, FORK_R, LEFT, RIGHT = 4, 5, 3, 1, 2
+WIN = 4
+LOSE = 5
+FORK_R = 3
+LEFT = 1
+RIGHT = 2
 
 
 def cue(folder: Path, text: str = CUE) -> Task:
@@ -120,7 +124,9 @@ def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tm
     assert len(badges) == 3
     assert len(texts) == 12
     for badge in badges:
-        (left, top), bottom, right = badge.corner, badge.corner[1] + badge.height, badge.corner[0] + badge.width
+        (left, top) = badge.corner
+        bottom = badge.corner[1] + badge.height
+        right = badge.corner[0] + badge.width
         for text in texts:
             half = text_width(text.text, text.size) / 2, text.size / 2
             apart = abs(text.at[0] - (left + right) / 2) >= half[0] + badge.width / 2

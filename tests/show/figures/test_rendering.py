@@ -79,7 +79,8 @@ def test_pixels_of_the_present_state(name: str, options: dict[str, Any]) -> None
 
 @pytest.mark.parametrize("mode", MODES)
 def test_rendering_changes_no_trajectory(mode: str) -> None:
-    plain, rendered = taskspec.make("NoisyObs"), taskspec.make("NoisyObs", render_mode=mode)
+    plain = taskspec.make("NoisyObs")
+    rendered = taskspec.make("NoisyObs", render_mode=mode)
     for a, b in zip(walk(plain, 3), walk(rendered, 3), strict=True):
         assert np.array_equal(a, b)
     rendered.close()
@@ -176,7 +177,9 @@ class Canvas:
 
 
 def test_a_real_window_gets_its_time() -> None:
-    window, canvas, pixels = Window("x", 4), Canvas(), np.zeros((4, 6, 3), np.uint8)
+    window = Window("x", 4)
+    canvas = Canvas()
+    pixels = np.zeros((4, 6, 3), np.uint8)
     window.show(pixels)
     real = window._figure.canvas
     window._figure.canvas = canvas

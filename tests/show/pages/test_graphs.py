@@ -60,7 +60,9 @@ dynamics:
 
 
 def box(label: Label) -> tuple[float, float, float, float]:
-    (x, y), w, h = label.at, text_width(label.text, label.size), label.size
+    (x, y) = label.at
+    w = text_width(label.text, label.size)
+    h = label.size
     left = x - w * {"start": 0.0, "middle": 0.5, "end": 1.0}[label.anchor]
     return left, y - h / 2, left + w, y + h / 2
 
@@ -71,7 +73,8 @@ def outside(item: Item, p: Point) -> float:
         case Circle(centre=(x, y), radius=r):
             return math.hypot(p[0] - x, p[1] - y) - r
         case Box(corner=(x, y), width=w, height=h, round=r):
-            dx, dy = abs(p[0] - x - w / 2) - w / 2 + r, abs(p[1] - y - h / 2) - h / 2 + r
+            dx = abs(p[0] - x - w / 2) - w / 2 + r
+            dy = abs(p[1] - y - h / 2) - h / 2 + r
             return math.hypot(max(dx, 0), max(dy, 0)) + min(max(dx, dy), 0) - r
     return math.inf
 

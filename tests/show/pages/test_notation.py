@@ -93,10 +93,8 @@ def test_what_is_proved_without_an_exact_model_is_not_said_to_follow_from_one(tm
 
 def test_the_letter_for_draws_is_the_one_on_the_page(tmp_path: Path) -> None:
     own = spec(tmp_path, DRAWN)
-    (alone, site), (usual, _) = (
-        paragraphs(tmp_path / "own", own, "--no-results"),
-        paragraphs(tmp_path / "u", "derail/ProcGoal"),
-    )
+    (alone, site) = paragraphs(tmp_path / "own", own, "--no-results")
+    (usual, _) = paragraphs(tmp_path / "u", "derail/ProcGoal")
     assert r"$\zeta$, with an index" in alone
     assert r"\xi" not in alone
     assert "ζ" in site

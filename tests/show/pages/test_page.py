@@ -203,7 +203,8 @@ def test_observations_name_what_is_defined_and_what_is_of_the_state(tmp_path: Pa
     spec = tmp_path / "spec.yaml"
     spec.write_text(BEST, encoding="utf-8")
     found = page(registry.load(spec))
-    observed, state = found.section("observations"), found.section("state")
+    observed = found.section("observations")
+    state = found.section("state")
     assert observed is not None and state is not None
     assert [words(line.content) for line in observed.lines[1:]] == ["q is that of the state", "best is defined below"]
     assert [words(line.content) for line in state.lines[1:]] == ["x ∈ {0, 1, 2, 3}³", "q ∈ {0, 1, 2}: which"]
@@ -264,7 +265,8 @@ reward: 0
 ])  # fmt: skip
 def test_bounds_that_are_vectors_are_those_of_elements(low: str, expected: str) -> None:
     found = page(build(read_text(BOUNDS.replace("LOW", low))))
-    state, action = found.section("state"), found.section("actions")
+    state = found.section("state")
+    action = found.section("actions")
     assert state is not None
     assert action is not None
     assert words(state.lines[0].content) == expected

@@ -194,10 +194,8 @@ def test_figures_at_settings_are_stacked_where_they_would_shrink_too_far(
 @TEX
 def test_figures_of_short_pages_keep_most_of_their_size_on_slides(tmp_path: Path) -> None:
     write(FAMILY, ["latex"], tmp_path, brief=True)
-    figure, fitted = (
-        r"\sbox{\taskspecfigure}{\rule{1cm}{100pt}}",
-        r"\sbox0{\taskspecfitbrief{\usebox{\taskspecfigure}}}",
-    )
+    figure = r"\sbox{\taskspecfigure}{\rule{1cm}{100pt}}"
+    fitted = r"\sbox0{\taskspecfitbrief{\usebox{\taskspecfigure}}}"
     frame = rf"\begin{{frame}}{figure}{fitted}\typeout{{TALL \the\ht0}}\end{{frame}}"
     said = compiled(tmp_path, rf"\documentclass{{beamer}}\input{{preamble}}\begin{{document}}{frame}\end{{document}}")
     assert float(re.findall(r"TALL ([\d.]+)pt", said)[0]) == pytest.approx(80, abs=0.1)

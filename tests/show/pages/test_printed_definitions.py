@@ -62,7 +62,8 @@ def vectors(draw: Callable[..., Any], argument: str, depth: int = 2) -> str:
 @st.composite
 def numbers(draw: Callable[..., Any], argument: str = "b") -> str:
     """A number made of vectors, of a list of lists, or of both products."""
-    vector, other = draw(vectors(argument)), draw(st.sampled_from(VECTORS))
+    vector = draw(vectors(argument))
+    other = draw(st.sampled_from(VECTORS))
     return draw(st.sampled_from([
         f"sum({vector})", f"argmax({vector} == {argument})", f"count({vector} > {argument})", f"dot({other}, w)",
         f"dot(v, {other}) * {argument}", f"sum([[{argument} * i + j for j in range(L)] for i in range(3)])",

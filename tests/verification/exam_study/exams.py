@@ -29,7 +29,8 @@ FEW = ("EndInPlace", "ValueLeft", "SecondThought")
 """Those for learners that are slow."""
 SEEDS = 6
 TRANSITIONS = 2_000
-OF_BASELINES, OF_BUGS = 21000, 22000
+OF_BASELINES = 21000
+OF_BUGS = 22000
 """The first seeds of right versions, and of learners with mistakes."""
 OF_RIGHT_ONES = range(23000, 123000, 1000)
 """The first seeds of right versions, again: each exam is compared with the one before it."""

@@ -21,7 +21,8 @@ from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.learned import learned_fields
 from taskspec.learn.exam.results import Exam, read, write
 
-NAME, EXPLAINED = "learned.npz", "explained.txt"
+NAME = "learned.npz"
+EXPLAINED = "explained.txt"
 FIELDS = ("policy", "q", "values", "reward", "discount")
 
 

@@ -108,7 +108,9 @@ def compare(tally: Tally, once: list[dict[str, Any]], again: list[dict[str, Any]
 
 def summary(tally: Tally, seconds: float, jobs: int) -> str:
     kinds = Counter(signature.split()[1] for signature in tally.kinds.elements())
-    crashes, hangs, differences = kinds["died"] + kinds["ended"], kinds["hang"], kinds["another"] + kinds["message"]
+    crashes = kinds["died"] + kinds["ended"]
+    hangs = kinds["hang"]
+    differences = kinds["another"] + kinds["message"]
     raised = sum(kinds.values()) - crashes - hangs - differences
     slowest = tally.slowest[0][0] if tally.slowest else 0
     return (

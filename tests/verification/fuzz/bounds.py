@@ -59,8 +59,10 @@ def breaches(
     types = {(r.role, r.name): r.type for r in made.reads}
     if not types or sum(n.type.size for n in nodes) > MOST_ELEMENTS:
         return 0, []
-    inside, anywhere = list(points(made.reads, chance, count)), list(outside(made.reads, chance, count // 2))
-    found, looked = list[Breach](), 0
+    inside = list(points(made.reads, chance, count))
+    anywhere = list(outside(made.reads, chance, count // 2))
+    found = list[Breach]()
+    looked = 0
     for name, form in used.items():
         for where, promises in ((inside, _PROMISES if name != "jax" else _CERTAIN), (anywhere, _CERTAIN)):
             fitting = [n for n in nodes if _fits(n, name, made)]
@@ -121,14 +123,19 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--compiled", type=int, default=200, help="one expression in so many is compiled as well")
     options = parser.parse_args()
-    end, looked, tried, bad = time.monotonic() + options.seconds, 0, 0, 0
+    end = time.monotonic() + options.seconds
+    looked = 0
+    tried = 0
+    bad = 0
     while time.monotonic() < end:
         used = {**QUICK, **COMPILED} if tried % options.compiled == options.compiled - 1 else QUICK
         root = None if tried % 2 else EVERY[tried // 2 % len(EVERY)]
         count, found = breaches(random.Random(options.seed + tried), used, root)
         for breach in found[:1]:
             print(f"seed {options.seed + tried}: {breach}")
-        looked, tried, bad = looked + count, tried + 1, bad + bool(found)
+        looked = looked + count
+        tried = tried + 1
+        bad = bad + bool(found)
     print(f"{tried:,} expressions, {looked:,} values: {bad:,} expressions with values outside their bounds")
     return 1 if bad else 0
 

@@ -13,7 +13,8 @@ from taskspec.language.expressions.operators import FUNCTIONS, OPERATORS
 from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Refused, Role, Type
 
 Flat = tuple[Any, ...]
-INF, NAN = math.inf, math.nan
+INF = math.inf
+NAN = math.nan
 INTS = (-(2**62), -(2**53) - 1, -(2**31), -7, -3, -2, -1, 0, 0, 1, 1, 2, 3, 5, 8, 2**31 - 1, 2**53 + 1, 2**62)
 REALS = (
     -1e300, -1e9, -7.5, -2.0, -1.0, -0.1, -1e-9, -5e-324, -0.0, 0.0, 0.0, 5e-324, 1e-9, 0.1, 0.3, 0.5, 1.0, 1.16,
@@ -26,7 +27,9 @@ class Expressions:
     """Makes nodes with one builder from the choices of one source of randomness."""
 
     def __init__(self, chance: random.Random) -> None:
-        self.chance, self.builder, self.reads = chance, Builder(), list[Read]()
+        self.chance = chance
+        self.builder = Builder()
+        self.reads = list[Read]()
 
     def node(self, depth: int = 4) -> Node:
         """A node of any type; `depth` bounds the operators on a path."""
@@ -68,8 +71,10 @@ class Expressions:
     def _range(self, kind: Kind) -> tuple[float, float]:
         if kind is Kind.BOOL:
             return 0, 1
-        one, other = self._number(kind), self._number(kind)
-        low, high = min(one, other), max(one, other)
+        one = self._number(kind)
+        other = self._number(kind)
+        low = min(one, other)
+        high = max(one, other)
         match self.chance.randrange(12):
             case 0:
                 return -INF, high
@@ -118,7 +123,8 @@ class Expressions:
 
     def _element(self, depth: int) -> Node:
         """Structure: elements, slices, vectors of what there is, indices made of ints."""
-        b, node = self.builder, self.node(depth)
+        b = self.builder
+        node = self.node(depth)
         if not node.type.shape:
             return b.structure("vector", [node, b.cast(self._read(BOOL), node.type.kind), node])
         match self.chance.randrange(4):

@@ -111,7 +111,9 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
 
     from taskspec.programs.numba import kernel_draws, runtime
 
-    names, loads, rows = {}, [], {}
+    names = {}
+    loads = []
+    rows = {}
     for key, column in _columns(types, points).items():
         flat = column.reshape(-1, len(points))
         names[key] = LaneValue([f"x_{key[1]}_{k}" for k in range(len(flat))])

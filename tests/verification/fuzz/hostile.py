@@ -40,7 +40,10 @@ class Writer:
     """Writes expressions of ints, reals and conditions from the choices of one source of randomness."""
 
     def __init__(self, chance: random.Random) -> None:
-        self.chance, self.primed, self.drawing, self.acting = chance, False, True, True
+        self.chance = chance
+        self.primed = False
+        self.drawing = True
+        self.acting = True
 
     def whole(self, depth: int) -> str:
         c = self.chance
@@ -48,7 +51,8 @@ class Writer:
             atoms = ["s", "u", "t", str(c.randint(-4, 4)), str(c.choice((7, 100, -1000, 10**9)))]
             atoms += ["a"] * self.acting + ["s'", "u'"] * self.primed
             return c.choice(atoms)
-        a, b = self.whole(depth - 1), self.whole(depth - 1)
+        a = self.whole(depth - 1)
+        b = self.whole(depth - 1)
         forms = [
             f"({a} + {b})", f"({a} - {b})", f"({a} * {b})", f"({a} // {b})", f"({a} % {b})", f"min({a}, {b})", f"max({a}, {b})",
             f"abs({a})", f"K[{a}]", f"v[{a}]", f"M[{a}, {b}]", f"K[{a}]", f"v[{a}]", f"v[{a} - 1]", f"put(v, {a}, {b})[{a}]",
@@ -63,14 +67,16 @@ class Writer:
         c = self.chance
         if depth == 0 or c.random() < 0.2:
             return c.choice(("x", "x", "y[0]", "0.5", "1e10", "-2.5", "s / 2"))
-        a, i = self.real(depth - 1), self.whole(depth - 1)
+        a = self.real(depth - 1)
+        i = self.whole(depth - 1)
         return c.choice(
             (f"({a} + {i})", f"({a} * 1000.0)", f"({a} / {i})", f"({i} / {a})", f"({a} % {i})", f"({a} // 0.3)", f"R[{i}]",
              f"y[{i}]", f"exp({a})", f"sum(y) * {a}", f"clip({a}, 0, {i})")
         )  # fmt: skip
 
     def condition(self, depth: int) -> str:
-        a, b = self.whole(depth), self.whole(0)
+        a = self.whole(depth)
+        b = self.whole(0)
         return self.chance.choice((f"{a} < {b}", f"{a} == {b}", f"{self.real(depth)} <= {b}", "f", f"(f or {a} > {b})"))
 
 
@@ -78,7 +84,9 @@ def spec(seed: int) -> dict[str, Any]:
     """A spec as plain data; `check` finds most of them unsound."""
     c = random.Random(seed)
     w = Writer(c)
-    low, n, rows = c.choice((0, 0, -3, 1)), c.randint(2, 5), c.choice((2, 3, 30))
+    low = c.choice((0, 0, -3, 1))
+    n = c.randint(2, 5)
+    rows = c.choice((2, 3, 30))
     state = {
         "s": {"type": "int", "low": low, "high": low + c.choice((1, 3, 40))}, "u": {"type": "int"},
         "v": {"type": "int", "shape": n, "low": 0, "high": c.choice((3, n - 1))},
@@ -96,7 +104,8 @@ def spec(seed: int) -> dict[str, Any]:
     }
     depth = lambda: c.choice((1, 2, 2, 3))  # noqa: E731
     dynamics = {"s'": w.whole(depth()), "u'": w.whole(depth()), "x'": w.real(depth()), "f'": w.condition(1)}
-    i, j = w.whole(1), w.whole(1)
+    i = w.whole(1)
+    j = w.whole(1)
     dynamics["v'"] = c.choice((f"v + {i}", f"put(v, {i}, {j})", f"swap(v, {i}, {j})"))
     w.primed = True
     reward: Any = f"{w.whole(depth())} + {w.real(1)}"
@@ -164,7 +173,8 @@ def _leaves(task: Task) -> bool:
         )
     ):
         return False
-    raw, kept = ReferenceProgram(task.with_process(next=task.process.raw_next), 5), ReferenceProgram(task, 5)
+    raw = ReferenceProgram(task.with_process(next=task.process.raw_next), 5)
+    kept = ReferenceProgram(task, 5)
     raw.reset(), kept.reset()
     for a in (0, 1, 2, 1, 0):
         raw.state = list(kept.state)
@@ -183,12 +193,14 @@ def _model(task: Task) -> list[str]:
 
 def walk(task: Task, compiled: bool = False, seed: int = 5) -> list[str]:
     """The reference interpreter next to the loop of the kernel, from the same state in every step."""
-    program, kernel = ReferenceProgram(task, seed), Kernel(task, seed, compiled) if suits(task) else None
+    program = ReferenceProgram(task, seed)
+    kernel = Kernel(task, seed, compiled) if suits(task) else None
     rng = np.random.default_rng(0)
     program.reset()
     found = _left(task, program.state)
     for _ in range(min(STEPS, task.horizon or STEPS)):
-        before, action = list(program.state), int(rng.integers(0, 3))
+        before = list(program.state)
+        action = int(rng.integers(0, 3))
         _, reward, terminated, _ = program.step([(action,)])
         found += _left(task, program.state)
         if kernel is not None:
@@ -217,11 +229,15 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--compiled", type=int, default=0, help="one spec in so many also runs on Numba and JAX")
     options = parser.parse_args()
-    end, seed, built, bad = time.monotonic() + options.seconds, options.seed, 0, 0
+    end = time.monotonic() + options.seconds
+    seed = options.seed
+    built = 0
+    bad = 0
     while time.monotonic() < end:
         compiled = ("numba", "jax") if options.compiled and seed % options.compiled == 0 else ()
         found = faults(seed, compiled)
-        built, bad = built + (found is not None), bad + bool(found)
+        built = built + (found is not None)
+        bad = bad + bool(found)
         for each in (found or [])[:2]:
             print(f"seed {seed}: {each}", flush=True)
         seed += 1

@@ -35,7 +35,8 @@ class Table:
     """A constant array that is only read where it is."""
 
     def __init__(self, name: str, array: Array) -> None:
-        self.name, self.cells = name, list(array) if array.dtype.kind == "f" else array.tolist()
+        self.name = name
+        self.cells = list(array) if array.dtype.kind == "f" else array.tolist()
 
     def __len__(self) -> int:
         return len(self.cells)
@@ -108,7 +109,10 @@ class Kernel:
     """One environment of a task, stepped by the loop of its kernel: as Python, or compiled by Numba with bounds checked."""
 
     def __init__(self, task: Task, seed: int, compiled: bool = False) -> None:
-        self.task, self.seed, self.steps, self.time = task, seed, 0, 0
+        self.task = task
+        self.seed = seed
+        self.steps = 0
+        self.time = 0
         self._program = Program(task, "disabled")
         function = loops.advance(self._program)
         self._rows = function.rows
@@ -128,7 +132,8 @@ class Kernel:
         given["time"][0] = self.time
         with np.errstate(all="ignore"):
             self._advance(1, np.array(actions, np.int64), *(given[row] for row in self._rows))
-        self.steps, self.time = self.steps + 1, self.time + 1
+        self.steps = self.steps + 1
+        self.time = self.time + 1
         following = [tuple(given[row][0].item() for row in rows) for rows in self._program.states]
         return following, float(given["reward"][0]), bool(given["terminated"][0])
 

@@ -99,7 +99,9 @@ class Run:
 
     def __init__(self, content: bytes, chance: random.Random | None) -> None:
         """`chance` decides about the layers that take longer; None: all of them."""
-        self.content, self.chance, self.outcome = content, chance, Outcome()
+        self.content = content
+        self.chance = chance
+        self.outcome = Outcome()
 
     def goes(self, layer: str) -> bool:
         return self.chance is None or self.chance.random() < SHARES[layer]

@@ -74,7 +74,8 @@ def run(room: str, wanted: list[Mutant], jobs: int, folder: Path, again: bool) -
             copies.put(Copy(Path(scratch, str(k))))
 
         def ask(mutant: Mutant) -> dict[str, Any]:
-            copy, begun = copies.get(), time.monotonic()
+            copy = copies.get()
+            begun = time.monotonic()
             try:
                 became, by = copy.ask(mutant.file, mutant.number, chosen(mutant, ROOMS[room], seen, again))
             finally:
@@ -105,7 +106,8 @@ def main() -> int:
     lines = list(HEAD)
     for room in asked.room or ROOMS:
         path = asked.folder / f"{room}.jsonl"
-        wanted, known = sample(room, asked.sample, asked.seed), results(path)
+        wanted = sample(room, asked.sample, asked.seed)
+        known = results(path)
         if not asked.table:
             settled = equivalent() if asked.again else known
             done = {key for key, record in known.items() if record["became"] != "survived" or key in settled}

@@ -105,7 +105,9 @@ class Site:
 
 def mutants(file: str, source: str) -> list[Mutant]:
     """All changes of a file."""
-    tree, seen, found = ast.parse(source), Counter[str](), []
+    tree = ast.parse(source)
+    seen = Counter[str]()
+    found = []
     for number, (site, after) in enumerate(changes(tree)):
         held = site.node
         shown = _shown(site)

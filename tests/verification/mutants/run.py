@@ -119,7 +119,8 @@ def _run(folder: str, files: Sequence[Sequence[str]], seconds: int, out: Any) ->
     os.dup2(said, 2)
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
     for names in files:
-        file, only = names[0].partition("::")[0], Only(names)
+        file = names[0].partition("::")[0]
+        only = Only(names)
         status = pytest.main([file, *options], plugins=[only])
         if status == pytest.ExitCode.NO_TESTS_COLLECTED:
             raise RuntimeError(f"{file} has no test of those that were chosen")

@@ -70,7 +70,8 @@ PLAIN = ("const", "read", "view", "drawn", "later")
 def operand(origin: str, kind: str, shape: int, number: int) -> str:
     """An operand as it is written: a constant, a component, something made of one, or a draw."""
     suffix = str(shape) if shape else ""
-    points, many = f"P{kind}", f", shape={shape}" if shape else ""
+    points = f"P{kind}"
+    many = f", shape={shape}" if shape else ""
     match origin:
         case "const":
             return f"K{kind}{shape}" if shape else f"{points}[{number % len(POINTS[kind][:SINGLE])}]"
@@ -92,7 +93,8 @@ def operand(origin: str, kind: str, shape: int, number: int) -> str:
 
 def expressions(template: str, origins: Sequence[str], shapes: Sequence[int]) -> list[str]:
     """The template over operands of all kinds and shapes that go together, with origins going round."""
-    count, found = arity(template), []
+    count = arity(template)
+    found = []
     for kinds, sizes in product(product(KINDS, repeat=count), product(shapes, repeat=count)):
         for turn in range(2 if count == 1 else 1):
             number = len(found) + turn

@@ -56,7 +56,9 @@ def _head(single: bool) -> list[str]:
 
 
 def _sections(held: Sequence[Held], shapes: Sequence[int], kept: bool) -> list[str]:
-    state, initial, dynamics = ["  k: {type: int, low: 0, high: 6}"], ["  k: 1"], ['  k\': "(k + 1) % 7"']
+    state = ["  k: {type: int, low: 0, high: 6}"]
+    initial = ["  k: 1"]
+    dynamics = ['  k\': "(k + 1) % 7"']
     for kind in KINDS:
         for shape in shapes:
             suffix, size = (str(shape), f", shape: [{shape}]") if shape else ("", "")

@@ -37,12 +37,14 @@ class Tally:
 
     def add(self, record: dict[str, Any]) -> None:
         if record.get("peak", 0) > self.peak:
-            self.peak, self.heaviest = record["peak"], record.get("spec")
+            self.peak = record["peak"]
+            self.heaviest = record.get("spec")
         if "spec" not in record:
             return
         self.specs += 1
         if record["seconds"] > self.slowest:
-            self.slowest, self.longest = record["seconds"], record["spec"]
+            self.slowest = record["seconds"]
+            self.longest = record["spec"]
         self.made.update(record["made"].keys())
         self.compared.update(record["made"])
         self.found += [{"spec": record["spec"], **f} for f in record["found"]]
@@ -90,7 +92,8 @@ def worded(finding: dict[str, Any]) -> str:
 def endings(tally: Tally) -> str:
     """How many differences, crashes and hangs there were, and what the run took."""
     kinds = Counter(f["what"].split()[0] for f in tally.found)
-    crashes, hangs = kinds["crash"] + kinds["died"], kinds["hang"]
+    crashes = kinds["crash"] + kinds["died"]
+    hangs = kinds["hang"]
     return (
         f"{len(tally.found) - crashes - hangs} differences, {crashes} crashes, {hangs} hangs, "
         f"slowest {tally.slowest:.1f} s{_at(tally.longest)}, peak memory {tally.peak / 2**20:.0f} MB{_at(tally.heaviest)}"

@@ -116,7 +116,8 @@ def bound(depth: int) -> Value:
 
 def integers(low: Value, high: Value) -> tuple[Any, ...]:
     """The set {low, ..., high}."""
-    first, last = small(low), small(high)
+    first = small(low)
+    last = small(high)
     if first is not None and last is not None and last - first <= 3:
         return ("set", *(i % PRIME for i in range(first, last + 1)))
     return ("integers", low, high)

@@ -83,7 +83,8 @@ class _Reader:
                 sub = self.argument()
             elif self.tokens[-2:] == [r"\prime", "{"]:  # TeX takes primes and a superscript in one
                 del self.tokens[-2:]
-                primes, sup = primes + 1, self.line(())
+                primes = primes + 1
+                sup = self.line(())
                 self.take("}")
             else:
                 sup = self.argument()

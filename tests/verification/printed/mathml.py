@@ -85,7 +85,8 @@ def _raised(node: Element, sub: Line | None, above: Element) -> Line:
     marks = line([above])
     primes = 0
     if marks and isinstance(marks[0], Mark) and set(marks[0].text) == {"′"}:
-        primes, marks = len(marks[0].text), marks[1:]
+        primes = len(marks[0].text)
+        marks = marks[1:]
     return scripted(line(node[0:1]), sub, marks or None, primes)
 
 

@@ -30,7 +30,9 @@ class Meaning:
     """The meaning of surface syntax; `lengths` are of the vectors whose lengths the notation knows."""
 
     def __init__(self, names: Names, lengths: Mapping[str, s.Expr], depth: int = 0) -> None:
-        self.names, self.lengths, self.depth = names, lengths, depth
+        self.names = names
+        self.lengths = lengths
+        self.depth = depth
 
     def under(self, **bound: al.Value) -> Meaning:
         return Meaning({**self.names, **bound}, self.lengths, self.depth + 1)
@@ -73,7 +75,8 @@ class Meaning:
         raise AssertionError(expr)
 
     def chain(self, first: s.Expr, rest: tuple[tuple[str, s.Expr], ...]) -> al.Value:
-        links, left = [], first
+        links = []
+        left = first
         for op, right in rest:
             other = self.set(right) if op in ("in", "not in") else self.of(right)
             links.append(compared(op, self.of(left), other))
@@ -98,7 +101,8 @@ class Meaning:
     # -- functions ------------------------------------------------------------------------------------------------
 
     def call(self, expr: s.Call) -> al.Value:
-        name, args = expr.function, expr.args
+        name = expr.function
+        args = expr.args
         if name in ("sum", "prod"):
             return self.total({"sum": "∑", "prod": "∏"}[name], args[0])
         if name in ("any", "all"):
@@ -152,7 +156,8 @@ class Meaning:
             case s.Binary(op=op, left=a, right=b):
                 return BINARY[op](self.at(a, i), self.at(b, i))
             case s.Compare(first=first, rest=rest):
-                links, left = [], first
+                links = []
+                left = first
                 for op, right in rest:
                     links.append(compared(op, self.at(left, i), self.at(right, i)))
                     left = right

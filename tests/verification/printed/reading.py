@@ -61,7 +61,10 @@ def split(line: Line, mark: str, first: bool = False) -> list[Line]:
 
 class Reader:
     def __init__(self, line: Line, names: Mapping[str, al.Value], depth: int) -> None:
-        self.line, self.names, self.depth, self.at = line, names, depth, 0
+        self.line = line
+        self.names = names
+        self.depth = depth
+        self.at = 0
 
     def inner(self, line: Line, bound: str | None = None) -> Reader:
         if bound is None:
@@ -94,7 +97,8 @@ class Reader:
     def statement(self) -> al.Value:
         if sign := self.takes(*QUANTIFIERS):
             return self.quantified(QUANTIFIERS[sign])
-        parts, signs = [self.literal()], set()
+        parts = [self.literal()]
+        signs = set()
         while sign := self.takes("∧", "∨"):
             signs.add(sign)
             parts.append(self.literal())
@@ -139,7 +143,8 @@ class Reader:
     def sum(self) -> al.Value:
         if self.is_extreme():
             return self.extreme()
-        start, signs = self.at, [sign] if (sign := self.takes("−", "+")) else []
+        start = self.at
+        signs = [sign] if (sign := self.takes("−", "+")) else []
         total = self.term()
         total = al.subtract(0, total) if sign == "−" else total
         while sign := self.takes("−", "+"):
@@ -166,7 +171,9 @@ class Reader:
     def product(self) -> al.Value:
         if isinstance(self.peek(), Big):
             return self.big()
-        found, last, whole = 1, self.factor(), self.is_vector_before()
+        found = 1
+        last = self.factor()
+        whole = self.is_vector_before()
         single = self.is_single_before()  # of a call it is not known here whether it is a vector
         while (sign := self.takes("⋅", "×", "⊙")) or self.starts_factor():
             if isinstance(self.peek(), Big):
@@ -174,12 +181,15 @@ class Reader:
             right = self.factor()
             both = whole and self.is_vector_before()
             if both and sign == "⋅":
-                last, whole = al.mixed("dot", last, right), False
+                last = al.mixed("dot", last, right)
+                whole = False
                 continue
             single = single and self.is_single_before()
             if both != (sign == "⊙") and single:
                 raise Unclear(f"{sign} between a vector and a number, or two vectors side by side")
-            found, last, whole = al.multiply(found, last), right, whole or self.is_vector_before()
+            found = al.multiply(found, last)
+            last = right
+            whole = whole or self.is_vector_before()
         return al.multiply(found, last)
 
     def is_single_before(self) -> bool:

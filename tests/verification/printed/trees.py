@@ -71,7 +71,11 @@ def numbers(draw: Callable[..., Any], depth: int = 4) -> s.Expr:
     """An expression whose value is a number."""
     if depth == 0 or draw(st.integers(0, 5)) == 0:
         return draw(NUMERALS | SCALAR | st.booleans().map(lambda b: s.Boolean(b, PLACE)))
-    x, less = (lambda: draw(numbers(depth - 1))), depth - 1
+    less = depth - 1
+
+    def x() -> s.Expr:
+        return draw(numbers(less))
+
     match draw(st.integers(0, 16)):
         case 0 | 1 | 2 | 3 | 4:
             return s.Binary(draw(st.sampled_from(ARITHMETIC)), x(), x(), PLACE)

@@ -50,7 +50,8 @@ def _awaits(seen: Seen) -> bool:
 
 class _Reader:
     def __init__(self, text: str) -> None:
-        self.text, self.at = text, 0
+        self.text = text
+        self.at = 0
 
     def sees(self, what: str) -> bool:
         return self.text.startswith(what, self.at)
@@ -125,7 +126,8 @@ class _Reader:
         sub = sup = None
         primes = 0
         while self.sees("′"):
-            primes, self.at = primes + 1, self.at + 1
+            primes = primes + 1
+            self.at = self.at + 1
         sub = self.script("_", LOW)
         sup = self.script("^", HIGH)
         return sub, sup, primes

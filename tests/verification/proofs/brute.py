@@ -154,7 +154,8 @@ class Solved:
 
     def _settled(self, worth: Callable[..., Any], shift: Fraction) -> Values:
         """The best, or worst, values of all deterministic policies."""
-        states, found = self.process.acting(), {}
+        states = self.process.acting()
+        found = {}
         for choice in itertools.product(range(self.process.actions), repeat=len(states)):
             policy = {k: {a: Fraction(1)} for k, a in zip(states, choice, strict=True)}
             for k, v in self._lasting(policy, shift).items():
@@ -163,7 +164,8 @@ class Solved:
 
     def _lasting(self, policy: dict[Key, Shares], shift: Fraction = Fraction(0)) -> Values:
         """The values of a policy that never changes."""
-        states, gamma = self.process.acting(), self.process.discount
+        states = self.process.acting()
+        gamma = self.process.discount
         chain = {k: self._chain(k, policy[k]) for k in states}
         paid: dict[Key, Any] = {k: mean(policy[k], self._gains(k, 0, {}, shift)) for k in states}
         if gamma < 1:
@@ -231,7 +233,8 @@ class Solved:
         for t, layer in enumerate(self._layers() if self.process.horizon is not None else [self.process.acting()]):
             for k in filter(at, layer):
                 shares = self.shares(rule, k, t)
-                good, bad = (most(shares, wanted), most(shares, set(range(self.process.actions)) - wanted))
+                good = most(shares, wanted)
+                bad = most(shares, set(range(self.process.actions)) - wanted)
                 if 0 < abs(good - bad) < ALIKE:
                     raise Unsettled
                 if good < bad:
@@ -259,7 +262,8 @@ def eternal(paid: list[Value]) -> Value:
 
 def seen(chain: Graph, start: Key) -> set[Key]:
     """The states that can be reached, the first included."""
-    found, todo = {start}, [start]
+    found = {start}
+    todo = [start]
     while todo:
         new = set(chain[todo.pop()]) - found
         found |= new

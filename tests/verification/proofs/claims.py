@@ -92,7 +92,8 @@ class Maker:
         return Number(name, [v for v in found if v is not None], () if decoy is None else (decoy,))
 
     def compound(self) -> Number:
-        a, b = self.number(0), self.number(0)
+        a = self.number(0)
+        b = self.number(0)
         make: tuple[str, Callable[[Fraction, Fraction], Fraction]] = self.rng.choice((
             (f"{a.text} - {b.text}", lambda x, y: x - y), (f"{a.text} + 2 * {b.text}", lambda x, y: x + 2 * y),
             (f"abs({a.text} - {b.text})", lambda x, y: abs(x - y)), (f"{a.text} * {b.text}", lambda x, y: x * y),
@@ -114,7 +115,8 @@ class Maker:
         """The same rule for all worlds: the choice is that of the first."""
         if world is self.worlds[0]:
             self._picked = self.rng.random()
-        pick, process = self._picked, world.process
+        pick = self._picked
+        process = world.process
         if pick < 0.3:
             return uniform(process.actions)
         if pick < 0.6:
@@ -142,7 +144,8 @@ class Maker:
 
     def logical(self) -> Statement:
         self.used.add("logic")
-        a, b = self.statement(0), self.statement(0)
+        a = self.statement(0)
+        b = self.statement(0)
         pairs = list(zip(a.holds, b.holds, strict=True))
         return self.rng.choice((
             Statement(f"({a.text}) and ({b.text})", [x and y for x, y in pairs]),
@@ -151,7 +154,8 @@ class Maker:
         ))  # fmt: skip
 
     def comparison(self) -> Statement:
-        number, op = self.number(), self.rng.choice(OPERATORS)
+        number = self.number()
+        op = self.rng.choice(OPERATORS)
         other = self.near(number)
         if self.rng.random() < 0.2:
             number, other = other, number
@@ -161,7 +165,8 @@ class Maker:
         self.used.add("chain")
         number = self.number()
         ops = self.rng.choice((("<", "<"), ("<=", "<"), ("<", "<="), ("<=", "<="), (">", ">="), ("==", "<=")))
-        first, last = self.near(number), self.near(number)
+        first = self.near(number)
+        last = self.near(number)
         pairs = zip(self.compared(first, ops[0], number), self.compared(number, ops[1], last), strict=True)
         return Statement(f"{first.text} {ops[0]} {number.text} {ops[1]} {last.text}", [x and y for x, y in pairs])
 
@@ -175,7 +180,8 @@ class Maker:
         if not self.subject.rough and self.rng.random() < 0.1:
             size = max(size, Fraction(1))
         if self.rng.random() < 0.05:
-            value, off = self.rng.choice((Fraction(0), Fraction(1), Fraction(1, 2**40), -value)), Fraction(0)
+            value = self.rng.choice((Fraction(0), Fraction(1), Fraction(1, 2**40), -value))
+            off = Fraction(0)
         return self.written(value + off * size)
 
     def scale(self) -> Fraction:
@@ -191,7 +197,8 @@ class Maker:
             )
         if max(abs(value.numerator), value.denominator) > 10**DIGITS:
             value = cut(value)
-        over, under = abs(value.numerator), value.denominator
+        over = abs(value.numerator)
+        under = value.denominator
         text = str(over) if under == 1 else f"({over} / {under})"
         return Number(f"-{text}" if value < 0 else text, [value] * len(self.worlds))
 
@@ -261,7 +268,8 @@ def cut(value: Fraction) -> Fraction:
 
 def claims(subject: Subject, count: int) -> list[Claim]:
     """So many claims about a subject."""
-    rng, made = random.Random(f"claims {subject.case.seed}"), []
+    rng = random.Random(f"claims {subject.case.seed}")
+    made = []
     for _ in range(100 * count):
         if len(made) == count:
             break

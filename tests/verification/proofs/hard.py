@@ -192,9 +192,11 @@ def drawn(row: dict[int, Number]) -> Any:
 def hard(rng: random.Random) -> Hard:
     """A random one."""
     theme = mixed(rng) if rng.random() < 0.3 else rng.choice(THEMES)
-    states, actions = rng.choice((2, 3, 3, 4)), rng.choice((1, 2, 2, 3))
+    states = rng.choice((2, 3, 3, 4))
+    actions = rng.choice((1, 2, 2, 3))
     if theme.name == "long":
-        states, actions = min(states, 3), min(actions, 2)
+        states = min(states, 3)
+        actions = min(actions, 2)
     pairs = [(s, a) for s in range(states) for a in range(actions)]
     horizon = rng.choice(theme.horizons)
     made = Hard(

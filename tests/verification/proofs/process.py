@@ -48,7 +48,8 @@ class Process:
 
     def layers(self) -> Iterator[list[Key]]:
         """The states that an episode can act in at time 0, 1, ...; without a horizon, those that are new."""
-        here, seen = list(self.start), set(self.start)
+        here = list(self.start)
+        seen = set(self.start)
         t = 0
         while here and (self.horizon is None or t < self.horizon):
             yield here

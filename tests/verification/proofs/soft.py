@@ -11,7 +11,8 @@ from tests.verification.proofs.process import Key, Outcome, Process, Shares
 
 DIGITS = 60
 NEAR = Fraction(1, 10**40)
-LARGEST, LONGEST = 2**54, 12
+LARGEST = 2**54
+LONGEST = 12
 """Rewards up to this, and horizons."""
 SMALLEST = -400
 """The exponent of the smallest share; fractions of others are too long."""

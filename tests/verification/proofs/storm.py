@@ -71,7 +71,8 @@ def unrolled(process: Process, solved: Solved | None = None, rule: Rule | None =
 
 def _choice(process: Process, at: Place, shares: Shares) -> Choice:
     key, t = at
-    paid, row = Fraction(0), {ENDED: Fraction(0)}
+    paid = Fraction(0)
+    row = {ENDED: Fraction(0)}
     after = t + 1 if process.horizon is not None else 0
     for a, share in shares.items():
         for o in process.row(key, a, t):

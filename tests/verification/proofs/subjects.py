@@ -80,7 +80,8 @@ def of_standin(number: int, rng: random.Random) -> Subject:
         model = reference_model(Case(made.real, None, number))
         if model is not None:
             break
-    found, decoy = [Solved(of_model(model))], reference_model(Case(made.alone, None, number))
+    found = [Solved(of_model(model))]
+    decoy = reference_model(Case(made.alone, None, number))
     return Subject(
         f"stand-in, {made.wrong or 'right'}", Case(made.spec, None, number), lambda _: found, None, model,
         rough="0.1" in made.spec["reward"], decoy=None if decoy is None else Solved(of_model(decoy)),

@@ -24,7 +24,8 @@ Row = dict[tuple[Key, bool], float]
 """Probabilities by the state that follows, and by whether the episode ends there."""
 BUDGET = 4000
 """The most outcomes that are listed, over all states, actions and times."""
-NEAR, TINY = 1e-13, 1e-15
+NEAR = 1e-13
+TINY = 1e-15
 """By how much of its size a number of the model may be off; and how much more a probability that is computed."""
 PAIRS = 2000
 """The most pairs of states and actions that are listed, over all times."""
@@ -34,11 +35,14 @@ SLOW = 4.0
 
 def reference_model(case: Case) -> Model | None:
     """The model by lists of outcomes, with all rows that an episode of the task may need; None: too large, or in doubt."""
-    task, before, begun = case.reference, DOUBTS.count, time.process_time()
+    task = case.reference
+    before = DOUBTS.count
+    begun = time.process_time()
     if not all(c.finite for c in (*task.state, *task.action)) or not is_countable(task):
         return None
     try:
-        model, pairs = Model(task, limit=600, budget=BUDGET), 0
+        model = Model(task, limit=600, budget=BUDGET)
+        pairs = 0
         for t, layer in enumerate(layers(model)):
             pairs += len(layer) * len(model.actions)
             if pairs > PAIRS:
@@ -77,7 +81,8 @@ def rows(case: Case, model: Model) -> int:
     """Compare states, start and rows; the number of rows compared."""
     found = extract(case.task)
     keys = {int(i): key_of(case.reference.state, found.state(i)) for i in np.flatnonzero(found.entered)}
-    numbers, entered = {key: i for i, key in keys.items()}, set(keys.values())
+    numbers = {key: i for i, key in keys.items()}
+    entered = set(keys.values())
     if entered != set(model.states):
         only = sorted(map(str, entered ^ set(model.states)))
         raise Difference("model states", f"{len(entered)} for {len(model.states)}; {only[:3]}")

@@ -15,7 +15,8 @@ NAMED = ("definitions", "noise", "initial", "dynamics")
 
 def reprinted(case: Case) -> dict[str, Any]:
     """The sections of the task with every expression as it is printed."""
-    sections, surface = dict(case.reference.sections), case.task.source.surface.sections
+    sections = dict(case.reference.sections)
+    surface = case.task.source.surface.sections
     for name in SINGLE:
         if name in sections:
             sections[name] = printed(surface[name])

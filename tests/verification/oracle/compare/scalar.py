@@ -32,7 +32,8 @@ def walk(case: Case, lane: Lane, **options: Any) -> int:
             where = f"scalar {options or ''} seed {lane.seed}, event {i} ({describe(link)})"
             if link.action is None:
                 seen, info = env.reset(seed=lane.seed) if i == 0 else env.reset()
-                paid, ends = 0.0, (False, False)
+                paid = 0.0
+                ends = (False, False)
             else:
                 seen, paid, *flags, info = env.step(encoded(case, link.action))
                 ends = (bool(flags[0]), bool(flags[1]))

@@ -125,7 +125,8 @@ def texts(subject: Subject) -> int:
     return printed.compare(subject.case, subject.lanes)
 
 
-ALWAYS, SAMPLE = 1.0, 0.03
+ALWAYS = 1.0
+SAMPLE = 0.03
 STAGES: dict[str, tuple[float, Stage]] = {
     "load": (ALWAYS, load),
     "scalar": (ALWAYS, scalar_environment),
@@ -153,7 +154,8 @@ class Outcome:
 
 def put_through(case: Case, stages: dict[str, tuple[float, Stage]], rng: random.Random | None) -> Outcome:
     """Put a case through stages: those that chance picks, or all of them."""
-    subject, outcome = Subject(case), Outcome()
+    subject = Subject(case)
+    outcome = Outcome()
     for name, (share, stage) in stages.items():
         if rng is not None and rng.random() >= share:
             continue

@@ -58,7 +58,8 @@ def compare(case: Case, model: Model) -> int:
         return 0
     wrong = "abstraction" not in real and rng.random() < 0.6 and spoiled(section, real, rng)
     asked = Case(real | {"abstraction": section}, None, case.seed, case.given)
-    truth, others = solve.returns(model), decoys(asked, model)
+    truth = solve.returns(model)
+    others = decoys(asked, model)
     try:
         found = Results(asked.task).abstraction_check
     except SpecError:
@@ -200,7 +201,8 @@ def other_weights(section: Data, real: Data) -> bool:
     for draw in draws([section["initial"], section["dynamics"], section["reward"]]):
         (one, p), (two, q) = draw.items()
         if p != q:
-            draw[one], draw[two] = q, p
+            draw[one] = q
+            draw[two] = p
             return True
     return False
 

@@ -66,7 +66,8 @@ def copies(c: Context, to: Component) -> list[Term]:
     """Ints, read bare, that are certain to lie within the bounds of the component."""
     if to.kind != "int" or to.shape or not to.high.isdigit():
         return []
-    least, most = int(to.low), int(to.high)
+    least = int(to.low)
+    most = int(to.high)
     ints = [n for n in c.names if n.kind == "int" and n.shape == () and n.rows]
     return [n for n in ints if least <= min(n.rows) and max(n.rows) <= most]
 

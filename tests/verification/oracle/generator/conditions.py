@@ -67,7 +67,8 @@ def chain(c: Context, depth: int) -> Term:
 
 def connective(c: Context, depth: int) -> Term:
     op = c.rng.choice(("and", "or"))
-    left, right = condition(c, depth), condition(c, depth)
+    left = condition(c, depth)
+    right = condition(c, depth)
     return infix(left, op, right, "bool", size=1)
 
 

@@ -10,7 +10,9 @@ from tests.verification.oracle.generator.terms import Shape, Term
 
 Data = dict[str, Any]
 
-STATE, ACTION, PRIME = frozenset({"state"}), frozenset({"action"}), frozenset({"prime"})
+STATE = frozenset({"state"})
+ACTION = frozenset({"action"})
+PRIME = frozenset({"prime"})
 WORDS = ("red", "green", "blue", "on", "no", "north", "x y")
 
 
@@ -72,7 +74,8 @@ class Declared:
 def parameters(d: Declared) -> None:
     rng = d.rng
     if d.chance(0.55):
-        low, high = rng.randint(1, 2), rng.randint(3, 4)
+        low = rng.randint(1, 2)
+        high = rng.randint(3, 4)
         d.parameters["L"] = {"type": "int", "default": rng.randint(low, high), "low": low, "high": high}
         d.known.append(Term("L", "int", size=high))
         d.small.append("L")
@@ -166,24 +169,31 @@ def int_bounds(d: Declared, c: Component, *, action: bool) -> None:
     if not action and d.chance(0.05):
         c.size = 2**31
         return
-    low, high = d.rng.choice((0, 0, 0, 1, -1)), d.rng.choice((1, 2, 2, 3))
-    c.low, c.high, c.size = str(low), str(max(low, high)), 4
+    low = d.rng.choice((0, 0, 0, 1, -1))
+    high = d.rng.choice((1, 2, 2, 3))
+    c.low = str(low)
+    c.high = str(max(low, high))
+    c.size = 4
     if d.small and d.chance(0.4):
         c.high = d.rng.choice(("L", "L + 1", "2 * L"))
         c.size = 8
     c.data |= {"low": low, "high": c.high if "L" in c.high else int(c.high)}
     if len(c.shape) == 1 and c.shape[0] in (2, 3) and d.chance(0.3):
         ends = [int(c.low) + 1 + i % 2 for i in range(int(c.shape[0]))]
-        c.data["high"], c.high = ends, f"({', '.join(map(str, ends))})"
+        c.data["high"] = ends
+        c.high = f"({', '.join(map(str, ends))})"
 
 
 def real_bounds(d: Declared, c: Component, *, action: bool) -> None:
     if not action and d.chance(0.1):
         c.size = 1e9
         return
-    low, high = d.rng.choice((-1, -2.5, 0)), d.rng.choice((1, 2, 1.5))
+    low = d.rng.choice((-1, -2.5, 0))
+    high = d.rng.choice((1, 2, 1.5))
     c.data |= {"low": low, "high": high}
-    c.low, c.high, c.size = str(low), str(high), 3
+    c.low = str(low)
+    c.high = str(high)
+    c.size = 3
 
 
 def choice(d: Declared, name: str) -> Component:

@@ -68,7 +68,8 @@ def integer(c: Context, depth: int) -> Term:
 
 def tally(c: Context) -> Term:
     """How many of some conditions hold, each with a draw of its own."""
-    n, p = c.rng.randint(2, 3), probability(c.without_draws(), 0)
+    n = c.rng.randint(2, 3)
+    p = probability(c.without_draws(), 0)
     reduction = c.rng.choice(("count", "count", "sum", "any", "all"))
     if c.chance(0.5):
         text = joined(f"{reduction}(Bernoulli({p.text}, shape={n}))", "int", (p,), size=n)

@@ -110,7 +110,8 @@ def entry(d: Draft, c: Any) -> Any:
 
 def beside(d: Draft, c: Any, s: Component) -> Any:
     """A label that means what the component beside it makes of it: in an expression, cases, a table, a draw."""
-    label, test = d.rng.choice(s.labels), conditions.condition(c, 1)
+    label = d.rng.choice(s.labels)
+    test = conditions.condition(c, 1)
     forms: list[Any] = [
         f"{label} if {test.at(1)} else {s.name}",
         [{"if": test.text, "then": label}, {"else": s.name}],

@@ -23,7 +23,9 @@ def chosen(kind: str) -> Maker:
     """A case distinction, as `if` or as `where`."""
 
     def make(c: Context, depth: int) -> Term:
-        test, x, y = conditions.condition(c, depth), scalars.term(c, kind, (), depth), scalars.term(c, kind, (), depth)
+        test = conditions.condition(c, depth)
+        x = scalars.term(c, kind, (), depth)
+        y = scalars.term(c, kind, (), depth)
         if c.chance(0.3):
             return call("where", [test, x, y], kind, size=max(x.size, y.size))
         return conditional(test, x, y, kind)

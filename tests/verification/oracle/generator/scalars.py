@@ -44,7 +44,8 @@ def integer(c: Context, depth: int) -> Term:
 def arithmetic(kind: str) -> Maker:
     def make(c: Context, depth: int) -> Term:
         op = c.rng.choice("++--**")
-        left, right = mixed(c, kind, depth), term(c, kind, (), depth)
+        left = mixed(c, kind, depth)
+        right = term(c, kind, (), depth)
         size = left.size * right.size if op == "*" else left.size + right.size
         return infix(left, op, right, kind, size=size)
 
@@ -60,14 +61,16 @@ def mixed(c: Context, kind: str, depth: int) -> Term:
 def fold(c: Context, depth: int) -> Term:
     if not c.folds:
         return integer(c, depth)
-    start, x = integer(c, min(depth, 1)), vectors.any_vector(c, "int", min(depth, 1))
+    start = integer(c, min(depth, 1))
+    x = vectors.any_vector(c, "int", min(depth, 1))
     if len(x.shape) != 1 or start.size > 1e6 or x.size > 1e6:
         return start
     return joined(f"fold(mix, {start.text}, {x.text})", "int", (start, x), size=max(10, start.size, x.size))
 
 
 def quotient(c: Context, depth: int) -> Term:
-    left, right = integer(c, depth), integer(c, depth)
+    left = integer(c, depth)
+    right = integer(c, depth)
     op = c.rng.choice(("//", "%"))
     return infix(left, op, right, "int", size=left.size if op == "//" else right.size)
 
@@ -165,7 +168,8 @@ def real(c: Context, depth: int) -> Term:
 
 def literal(c: Context) -> Term:
     if c.chance(0.3):
-        top, bottom = number(c.rng.randint(1, 5)), number(c.rng.choice((2, 3, 4, 10)))
+        top = number(c.rng.randint(1, 5))
+        bottom = number(c.rng.choice((2, 3, 4, 10)))
         return infix(top, "/", bottom, "real", size=3)
     return number(c.rng.choice((0.5, 0.25, 1.5, -0.5, 0.1, 2.0, 0.0, 1e-3)))
 
@@ -206,7 +210,8 @@ def smooth(c: Context, depth: int) -> Term:
 def awkward(c: Context, depth: int) -> Term:
     """Powers of ints, infinities and what becomes of them."""
     if c.chance(0.5):
-        base, exponent = integer(c, depth), integer(c, depth)
+        base = integer(c, depth)
+        exponent = integer(c, depth)
         if exponent.size <= 20 and base.size <= 20:
             return infix(base, "**", exponent, "real", size=1e9, finite=False)
     return Term(c.rng.choice(("inf", "pi", "-inf")), "real", level=7, size=1e9, finite=False)

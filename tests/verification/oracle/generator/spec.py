@@ -111,7 +111,8 @@ def horizon(d: Draft) -> None:
         options += ["L", "2 * L", "L + 1"]
     d.data["horizon"] = d.rng.choice(options)
     if d.chance(0.12):
-        d.data["horizon"], d.horizon = "none", False
+        d.data["horizon"] = "none"
+        d.horizon = False
     if d.chance(0.2):
         d.data["discount"] = d.rng.choice((0.5, 0.9, "1/2", 1))
 

@@ -49,7 +49,8 @@ def values_of(column: Term) -> list[Any]:
 
 def drawn_cell(c: Context, cell: Cell) -> Any:
     """A cell, or two values with their probabilities."""
-    first, second = cell(), cell()
+    first = cell()
+    second = cell()
     if not c.may_draw or first == second or not c.chance(0.25):
         return first
     p = draws.probability(c.without_draws(), 0)

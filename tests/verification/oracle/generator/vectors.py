@@ -77,7 +77,8 @@ def comprehension(c: Context, kind: str, n: int, depth: int) -> Term:
 
 
 def elementwise(c: Context, kind: str, n: int, depth: int) -> Term:
-    left, right = vector(c, kind, (n,), depth), scalars.term(c, kind, (n,) if c.chance(0.5) else (), depth)
+    left = vector(c, kind, (n,), depth)
+    right = scalars.term(c, kind, (n,) if c.chance(0.5) else (), depth)
     if c.chance(0.3):
         left, right = right, left
     if kind == "bool":
@@ -94,7 +95,8 @@ def elementwise(c: Context, kind: str, n: int, depth: int) -> Term:
 
 def bool_operator(c: Context, n: int, left: Term, right: Term, depth: int) -> Term:
     if c.chance(0.5):
-        x, y = vector(c, "int", (n,), depth), scalars.term(c, "int", (n,) if c.chance(0.3) else (), depth)
+        x = vector(c, "int", (n,), depth)
+        y = scalars.term(c, "int", (n,) if c.chance(0.3) else (), depth)
         of_labels = not (x.rows or y.rows)  # whether two choices are equal is one condition
         return infix(x, "<" if of_labels else c.rng.choice(conditions.RELATIONS), y, "bool", size=1)
     if left.shape == right.shape:
@@ -113,7 +115,8 @@ def rearranged(c: Context, kind: str, n: int, depth: int) -> Term:
         cut = c.rng.choice((":-1", "1:", f":{n}", f"-{n}:"))
         return joined(f"{x.at(9)}[{cut}]", kind, (x,), shape=(n,), level=9, size=x.size)
     if which == "gather":
-        x, places = any_vector(c, kind, depth), vector(c, "int", (n,), depth)
+        x = any_vector(c, kind, depth)
+        places = vector(c, "int", (n,), depth)
         if len(x.shape) == 1 and (places.text.isidentifier() or places.text.endswith(")")):
             return joined(f"{x.at(9)}[{moving(places)}]", kind, (x, places), shape=(n,), level=9, size=x.size)
     x = vector(c, kind, (n,), depth)
@@ -134,12 +137,14 @@ def place(c: Context, depth: int) -> Term:
 def replaced(c: Context, kind: str, n: int, depth: int) -> Term:
     if kind == "int" and c.chance(0.3):
         return call("onehot", [place(c, depth), number(n)], "int", shape=(n,), size=1)
-    x, new = vector(c, kind, (n,), depth), scalars.term(c, kind, (), depth)
+    x = vector(c, kind, (n,), depth)
+    new = scalars.term(c, kind, (), depth)
     return call("put", [x, place(c, depth), new], kind, shape=(n,), size=max(x.size, new.size))
 
 
 def chosen(c: Context, kind: str, n: int, depth: int) -> Term:
-    x, y = vector(c, kind, (n,), depth), vector(c, kind, (n,), depth)
+    x = vector(c, kind, (n,), depth)
+    y = vector(c, kind, (n,), depth)
     if c.chance(0.5):
         test = vector(c, "bool", (n,), depth)
         return call("where", [test, x, y], kind, shape=(n,), size=max(x.size, y.size))
@@ -176,7 +181,8 @@ def of_matrix(c: Context, kind: str, n: int, depth: int) -> Term:
         x = matrix(c, kind, (2, n // 2), depth)
         return call("reshape", [x, number(n)], kind, shape=(n,), size=x.size)
     if which == "product" and kind != "bool" and n <= 3:
-        x, y = matrix(c, kind, (n, 2), depth), vector(c, kind, (2,), min(depth, 1))
+        x = matrix(c, kind, (n, 2), depth)
+        y = vector(c, kind, (2,), min(depth, 1))
         args = [x, y] if c.chance(0.6) else [y, matrix(c, kind, (2, n), depth)]
         size = 2 * args[0].size * args[1].size
         if size < 2**62:

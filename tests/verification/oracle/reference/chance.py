@@ -53,7 +53,8 @@ class Census:
 
     def dealt(self, order: Sequence[Key] | None = None) -> dict[Key, int]:
         """The first word of each draw, in the order of the walk or in another."""
-        first, count = {}, 0
+        first = {}
+        count = 0
         for key in self.widths if order is None else order:
             first[key] = count
             count += self.widths[key]
@@ -142,7 +143,8 @@ class Seeded:
         return random.dirichlet(self.of(key, random.GAMMA_WORDS * len(alphas)), alphas)
 
     def gamma(self, key: Key, alphas: Sequence[Number]) -> list[float]:
-        words, n = self.of(key, random.GAMMA_WORDS * len(alphas)), random.GAMMA_WORDS
+        words = self.of(key, random.GAMMA_WORDS * len(alphas))
+        n = random.GAMMA_WORDS
         return [random.gamma_value(words[n * i : n * i + n], alpha) for i, alpha in enumerate(alphas)]
 
 

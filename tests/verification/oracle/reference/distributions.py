@@ -102,7 +102,8 @@ def uniform(call: Call, chance: Chance, key: Key) -> Value:
     if call.outcomes:
         shape, count = call.size()
         return arranged(call.outcomes, chance.index(key, [len(call.outcomes)] * count), shape)
-    low, high = call.argument(0, "low"), call.argument(1, "high")
+    low = call.argument(0, "low")
+    high = call.argument(1, "high")
     shape, count = call.size(low, high)
     return scaled(chance.uniform(key, count), low, high, shape)
 
@@ -118,7 +119,8 @@ def scaled(units: Sequence[float], low: Value, high: Value, shape: Shape) -> Val
 
 @distribution("UniformInt")
 def uniform_int(call: Call, chance: Chance, key: Key) -> Value:
-    low, high = call.argument(0, "low"), call.argument(1, "high")
+    low = call.argument(0, "low")
+    high = call.argument(1, "high")
     shape, _ = call.size(low, high)
     lows = [int(x) for x in spread(low, shape)]
     sizes = [int(b) - a + 1 for a, b in zip(lows, spread(high, shape), strict=True)]
@@ -127,7 +129,8 @@ def uniform_int(call: Call, chance: Chance, key: Key) -> Value:
 
 @distribution("Normal")
 def normal(call: Call, chance: Chance, key: Key) -> Value:
-    mean, std = call.argument(0, "mean", 0), call.argument(1, "std", 1)
+    mean = call.argument(0, "mean", 0)
+    std = call.argument(1, "std", 1)
     shape, count = call.size(mean, std)
     rows = zip(floats(mean, shape), floats(std, shape), chance.normal(key, count), strict=True)
     return settled("real", shape, [m + s * z for m, s, z in rows], fixed=False, rough=mean.rough or std.rough)
@@ -143,7 +146,8 @@ def bernoulli(call: Call, chance: Chance, key: Key) -> Value:
 @distribution("Binomial")
 def binomial(call: Call, chance: Chance, key: Key) -> Value:
     """A count, with the probabilities of all counts."""
-    n, p = int(call.argument(0, "n").item), call.argument(1, "p")
+    n = int(call.argument(0, "n").item)
+    p = call.argument(1, "p")
     shape, count = call.size()
     shares = [comb(n, k) * (p.item**k * (1 - p.item) ** (n - k)) for k in range(n + 1)]
     return drawn("int", shape, chance.category(key, shares, count, fixed=p.fixed))
@@ -187,14 +191,16 @@ def permutation(call: Call, chance: Chance, key: Key) -> Value:
 @distribution("Subset")
 def subset(call: Call, chance: Chance, key: Key) -> Value:
     """Which places of a permutation hold one of the first k numbers."""
-    n, k = call.argument(0, "n").item, call.argument(1, "k").item
+    n = call.argument(0, "n").item
+    k = call.argument(1, "k").item
     shape, count = call.size()
     return drawn("bool", (*shape, n), [i < k for i in chance.permutation(key, n, count)])
 
 
 @distribution("Gamma")
 def gamma(call: Call, chance: Chance, key: Key) -> Value:
-    a, rate = call.argument(0, "a"), call.argument(1, "rate", 1)
+    a = call.argument(0, "a")
+    rate = call.argument(1, "rate", 1)
     shape, _ = call.size(a, rate)
     drawn_ = chance.gamma(key, spread(a, shape))
     return settled(

@@ -44,10 +44,14 @@ class Episodes:
 
     def reset(self, seed: int | None = None, given: State | None = None) -> Result:
         if seed is not None:
-            self.seed, self.steps, self.begun = seed, 0, 0
+            self.seed = seed
+            self.steps = 0
+            self.begun = 0
         moment = Moment.begin(self.task, self.task.words("reset", self.seed, self.begun), given)
         self.begun += 1
-        self.time, self.over, self.absorbed = 0, False, False
+        self.time = 0
+        self.over = False
+        self.absorbed = False
         self.state = moment.state
         return Result(self.state, moment.observation(), scalar(0.0), False, False, 0, mask=self.mask())
 

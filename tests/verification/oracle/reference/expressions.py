@@ -146,7 +146,8 @@ def unary(op: ast.unaryop, operand: Value) -> Value:
 
 
 def branch(node: ast.IfExp, scope: Scope, expected: Choice | None) -> Value:
-    condition, expected = visit(node.test, scope), expected or choice_of(node, scope)
+    condition = visit(node.test, scope)
+    expected = expected or choice_of(node, scope)
     values = [(lambda n=n: visit(n, scope, expected)) for n in (node.body, node.orelse)]
     return alternatives([condition], values, lambda: names_late(node, scope))
 
@@ -156,7 +157,8 @@ Values = Sequence[Callable[[], Value]]
 
 def alternatives(conditions: Sequence[Value], values: Values, is_late: Callable[[], bool]) -> Value:
     """The first value whose condition holds, or else the last; one that parameters exclude may not exist, but names things."""
-    decided, found = False, []
+    decided = False
+    found = []
     for i, value in enumerate(values):
         condition = conditions[i] if i < len(conditions) else None
         known = condition is not None and condition.fixed
@@ -314,7 +316,8 @@ def folded(node: ast.Call, scope: Scope) -> Value:
     """A definition of two arguments, taken through a vector."""
     step, start, x = node.args
     assert isinstance(step, ast.Name) and isinstance(node.func, ast.Name)
-    f, value = scope.functions[step.id], visit(start, scope)
+    f = scope.functions[step.id]
+    value = visit(start, scope)
     found = []
     for element in number(visit(x, scope)).rows():
         value = scope_forms()(f.body, scope.body(dict(zip(f.arguments, (value, element), strict=True))), None)

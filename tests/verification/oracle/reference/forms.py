@@ -163,7 +163,8 @@ def certain(matches: Sequence[tuple[tuple[int, ...] | None, Cell]], fixed: bool)
     chosen = closest(matches).outcomes[0]
     if chosen.choice is not None:
         return Value("choice", chosen.shape, chosen.data, fixed and chosen.fixed, choice=chosen.choice)
-    picked, kind = number(chosen), joint_kind(map(number, cells))
+    picked = number(chosen)
+    kind = joint_kind(map(number, cells))
     shape = common_shape(list(map(number, cells)))
     known = fixed and all(c.fixed for c in cells)
     return settled(kind, shape, spread(picked, shape), fixed=known, rough=picked.rough)

@@ -123,7 +123,8 @@ def where(condition: Value, x: Value, y: Value) -> Value:
 
 def folded(f: Callable[[Number, Number], Number], start: int) -> Function:
     def of(x: Value) -> Value:
-        parts, kind = elements(x), numeric(x)
+        parts = elements(x)
+        kind = numeric(x)
         total = functools.reduce(f, (e.item for e in parts), start)
         return settled(kind, (), (total,), fixed=x.fixed, rough=number(x).rough or len(parts) > 2)
 
@@ -252,7 +253,8 @@ def swap(x: Value, i: Value, j: Value) -> Value:
     rows = number(x).rows()
     if not rows:
         raise Wrong("there is nothing to swap")
-    p, q = place(number(i), len(rows)), place(number(j), len(rows))
+    p = place(number(i), len(rows))
+    q = place(number(j), len(rows))
     rows[p], rows[q] = rows[q], rows[p]
     return touched(vector(rows), i, j)
 
@@ -268,7 +270,8 @@ def put(x: Value, i: Value, *rest: Value) -> Value:
     if deeper:
         row = number(x).rows()[place(number(i), x.shape[0])]
         return touched(put(x, i, put(row, *deeper, value)), i)
-    rows, new = number(x).rows(), number(value)
+    rows = number(x).rows()
+    new = number(value)
     if new.shape != rows[0].shape:
         new = elementwise(lambda _, v: v, new.kind, rows[0], new)
     rows[place(number(i), len(rows))] = new

@@ -87,7 +87,8 @@ def compare(op: ast.cmpop, left: Value, right: Value) -> Value:
     """One link of a chain of comparisons, element by element; two choices are equal when their labels are."""
     if left.kind == right.kind == "choice" and left.choice == right.choice and isinstance(op, ast.Eq | ast.NotEq):
         left, right = (settled("int", v.shape, v.data, fixed=v.fixed) for v in (left, right))
-    x, y = number(left), number(right)
+    x = number(left)
+    y = number(right)
     rough = x.rough or y.rough
 
     def hold(p: Number, q: Number) -> bool:
@@ -99,7 +100,8 @@ def compare(op: ast.cmpop, left: Value, right: Value) -> Value:
 
 def element(value: Value, index: Value) -> Value:
     """`x[i]`: an element or a row; with a vector of indices, a vector of them."""
-    rows, index = number(value).rows(), number(index)
+    rows = number(value).rows()
+    index = number(index)
     if not rows and index.data:
         raise Wrong("there is no element")
     picked = vector([rows[i] for i in places(index, len(rows))]) if index.shape else rows[place(index, len(rows))]

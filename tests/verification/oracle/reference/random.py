@@ -20,14 +20,17 @@ WORD = 2**32
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 PARITY = 0x1BD11BDA
 
-STEP, RESET, INSTANCE = 0, 2**31, 2**31 + 2**30
+STEP = 0
+RESET = 2**31
+INSTANCE = 2**31 + 2**30
 GAMMA_WORDS = 9
 
 
 def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
     """Threefry-2x32 with 20 rounds."""
     keys = (*key, key[0] ^ key[1] ^ PARITY)
-    x, y = (counter[0] + keys[0]) % WORD, (counter[1] + keys[1]) % WORD
+    x = (counter[0] + keys[0]) % WORD
+    y = (counter[1] + keys[1]) % WORD
     for group in range(5):
         for r in ROTATIONS[group % 2]:
             x = (x + y) % WORD
@@ -96,7 +99,8 @@ def split(x: np.float32) -> tuple[int, np.float32]:
     mantissa, e = math.frexp(float(x))  # in [1/2, 1)
     m = F(mantissa)
     if m < ROOT_HALF:
-        m, e = m * F(2), e - 1
+        m = m * F(2)
+        e = e - 1
     s = (m - F(1)) / (m + F(1))
     return e, s * (F(2) + s * s * horner(s * s, LOG))
 
@@ -125,7 +129,8 @@ def normal_pair(radius: int, angle: int) -> tuple[np.float32, np.float32]:
     r = np.sqrt(standard_exponential(radius) * F(2))
     signed = (angle << 1) % WORD
     x = F(signed - WORD if signed >= WORD // 2 else signed) * F(2.0**-31)
-    sine, cosine = x * horner(x * x, SINE), horner(x * x, COSINE)
+    sine = x * horner(x * x, SINE)
+    cosine = horner(x * x, COSINE)
     return r * (-cosine if angle >= WORD // 2 else cosine), r * sine
 
 
@@ -166,7 +171,8 @@ def exact_poisson(word: int, rate: Number) -> int:
 def weighted_poisson(word: int, rate: Number) -> int:
     """A rate known only at run time, at most 64: the running sums of rate^k / k!, in float32."""
     share = F(max(0.0, as_float(rate)))
-    term, sums = F(1), [F(1)]
+    term = F(1)
+    sums = [F(1)]
     for k in range(1, 400):
         term = term * share / F(k)
         sums.append(sums[-1] + term)
@@ -224,7 +230,8 @@ def truncated(u: float, low: float, high: float) -> float:
     """A standard normal between two bounds, by its inverse distribution function, where there is less mass above 0 than below."""
     if low + high > 0:
         return -truncated(u, -high, -low)
-    bottom, top = below(low), below(high)
+    bottom = below(low)
+    top = below(high)
     p = bottom + u * (top - bottom)
     return inverse(p) if p > 0 else high
 

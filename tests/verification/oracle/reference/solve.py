@@ -18,7 +18,8 @@ def value_of(model: Model, choose: Choose) -> Fraction:
     """Expected discounted return from the start, where `choose` makes one value of those of the actions."""
     task = model.task
     assert task.horizon is not None
-    horizon, discount = task.horizon, Fraction(task.discount)
+    horizon = task.horizon
+    discount = Fraction(task.discount)
 
     @cache
     def value(key: Key, t: int) -> Fraction:

@@ -71,5 +71,6 @@ def encoded(action: Sequence[Component], chosen: State) -> Any:
     if is_counted(action):
         ranges = [Range(int(c.ends(i)[0]), 0) for c in action for i in range(c.size)]
         return counted(seen, ranges)
-    (one, *others), chosen = action, boxed(seen)
+    (one, *others) = action
+    chosen = boxed(seen)
     return chosen if others or one.shape or one.has_no_axis else chosen.reshape(1)

@@ -156,7 +156,8 @@ def same(left: Value, right: Value) -> bool:
     """Whether two values are equal as a whole: those of one choice by their labels, others by what they stand for."""
     if left.kind == right.kind == "choice" and left.choice == right.choice:
         return left.data == right.data
-    a, b = number(left), number(right)
+    a = number(left)
+    b = number(right)
     return common_shape([a, b]) == a.shape == b.shape and all(
         equal(x, y, rough=a.rough or b.rough) for x, y in zip(a.data, b.data, strict=True)
     )
