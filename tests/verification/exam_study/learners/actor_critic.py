@@ -9,13 +9,10 @@ import numpy as np
 from taskspec.exam import Case, Learned, learns_from
 
 Array = np.ndarray[Any, Any]
-NUM_ENVS = 32
-NUM_STEPS = 8
-GAMMA = 0.9
-GAE_LAMBDA = 0.9
+NUM_ENVS, NUM_STEPS = 32, 8
+GAMMA, GAE_LAMBDA = 0.9, 0.9
 ENT_COEF = 0.01
-LR = 1.0
-CRITIC_LR = 0.2
+LR, CRITIC_LR = 1.0, 0.2
 
 
 @learns_from("reward")

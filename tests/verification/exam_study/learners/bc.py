@@ -9,19 +9,15 @@ import numpy as np
 from taskspec.exam import Case, learns_from
 
 Array = np.ndarray[Any, Any]
-UPDATES = 400
-BATCH = 64
-RATE = 1.0
+UPDATES, BATCH, RATE = 400, 64, 1.0
 
 
 @learns_from("demonstrations")
 def train(case: Case) -> Cloned:
     """A policy that does what was demonstrated."""
-    shown = case.demonstrations
-    rng = np.random.default_rng(case.seed)
+    shown, rng = case.demonstrations, np.random.default_rng(case.seed)
     policy = Cloned(case.observation_space, case.action_space.n)
-    inputs = policy.features(shown.obs)
-    labels = shown.acts
+    inputs, labels = policy.features(shown.obs), shown.acts
     for _ in range(UPDATES):
         chosen = rng.integers(len(labels), size=BATCH)
         error = np.eye(case.action_space.n)[labels[chosen]] - softmax(inputs[chosen] @ policy.weights)

@@ -11,18 +11,13 @@ from taskspec.exam import Case, Learned, learns_from
 from tests.verification.exam_study.learners.ppo import LANES, LENGTH, Learner, Player, Steps
 
 Array = np.ndarray[Any, Any]
-PAIRS = 12
-UPDATES = 20
-RATE = 1.0
-DECAY = 0.01
+PAIRS, UPDATES, RATE, DECAY = 12, 20, 1.0, 0.01
 
 
 @learns_from("preferences")
 def train(case: Case) -> Learned:
     """The probabilities of actions, (S, A), and the learned reward."""
-    player = Player(case)
-    learner = Learner(case)
-    model = Reward(case)
+    player, learner, model = Player(case), Learner(case), Reward(case)
     for _ in range(case.steps // (LANES * LENGTH)):
         steps = player.play(learner.probabilities())
         model.ask(case, episodes(steps))
@@ -55,8 +50,7 @@ class Reward:
 
     def fit(self) -> None:
         """Ascend the likelihood of all answers (Bradley-Terry)."""
-        inputs = np.stack(self.differences)
-        answers = np.array(self.answers)
+        inputs, answers = np.stack(self.differences), np.array(self.answers)
         for _ in range(UPDATES):
             chance = 1 / (1 + np.exp(-(inputs * self.table).sum(axis=(1, 2))))
             slope = np.tensordot(answers - chance, inputs, 1) / len(answers)

@@ -10,17 +10,13 @@ from taskspec.exam import Case, learns_from
 from tests.verification.exam_study.learners.ppo import DISCOUNT, LANES, LENGTH, Learner, Player, Steps
 
 Array = np.ndarray[Any, Any]
-UPDATES = 10
-RATE = 0.2
-KEPT = 0.8
+UPDATES, RATE, KEPT = 10, 0.2, 0.8
 
 
 @learns_from("demonstrations")
 def train(case: Case) -> Array:
     """The probabilities of actions, (S, A)."""
-    player = Player(case)
-    learner = Learner(case)
-    judge = Discriminator(case)
+    player, learner, judge = Player(case), Learner(case), Discriminator(case)
     for _ in range(case.steps // (LANES * LENGTH)):
         steps = player.play(learner.probabilities())
         judge.improve(steps)
@@ -32,10 +28,8 @@ class Discriminator:
     """Log-odds that a state (the last one is that which absorbs) and an action are of the expert: (S + 1, A)."""
 
     def __init__(self, case: Case) -> None:
-        self.horizon = case.task.horizon or 1
-        shown = case.demonstrations
-        self.states = case.observation_space.n
-        self.actions = case.action_space.n
+        self.horizon, shown = case.task.horizon or 1, case.demonstrations
+        self.states, self.actions = case.observation_space.n, case.action_space.n
         self.logits = np.zeros((self.states + 1, self.actions))
         lengths = np.diff([*shown.starts, len(shown.acts)])
         missing = (self.horizon - lengths).sum()

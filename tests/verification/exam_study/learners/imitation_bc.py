@@ -17,8 +17,7 @@ EPOCHS = 2
 def train(case: Case) -> Any:
     """Return a policy."""
     shown = case.demonstrations
-    obs = np.array(shown.obs)
-    acts = np.array(shown.acts)
+    obs, acts = np.array(shown.obs), np.array(shown.acts)
     rng = np.random.default_rng(case.seed)
     infos = np.array([{}] * len(acts))
     pairs = Transitions(obs=obs, acts=acts, infos=infos, next_obs=np.array(shown.next_obs), dones=np.array(shown.dones))

@@ -10,24 +10,16 @@ import numpy as np
 from taskspec.exam import Case, Learned, learns_from
 
 Array = np.ndarray[Any, Any]
-LANES = 64
-LENGTH = 20
-EPOCHS = 2
-PARTS = 4
-DISCOUNT = 0.95
-TRACE = 0.95
-CLIP = 0.2
-ENTROPY = 0.01
-POLICY_RATE = 0.5
-LARGEST = 0.05
-CRITIC_RATE = 0.2
+LANES, LENGTH = 64, 20
+EPOCHS, PARTS = 2, 4
+DISCOUNT, TRACE, CLIP, ENTROPY = 0.95, 0.95, 0.2, 0.01
+POLICY_RATE, LARGEST, CRITIC_RATE = 0.5, 0.05, 0.2
 
 
 @learns_from("reward")
 def train(case: Case) -> Learned:
     """The probabilities of actions, (S, A), and the values of states."""
-    player = Player(case)
-    learner = Learner(case)
+    player, learner = Player(case), Learner(case)
     for _ in range(case.steps // (LANES * LENGTH)):
         steps = player.play(learner.probabilities())
         learner.improve(steps, steps.rewards)
@@ -79,10 +71,8 @@ class Learner:
     """A policy and a critic, both tables."""
 
     def __init__(self, case: Case) -> None:
-        states = case.observation_space.n
-        actions = case.action_space.n
-        self.logits = np.zeros((states, actions))
-        self.values = np.zeros(states)
+        states, actions = case.observation_space.n, case.action_space.n
+        self.logits, self.values = np.zeros((states, actions)), np.zeros(states)
         self.rng = np.random.default_rng((case.seed, 2))
 
     def probabilities(self) -> Array:
@@ -106,8 +96,7 @@ class Learner:
         """Generalised advantages, (LENGTH, LANES)."""
         ahead = np.where(steps.terminated, 0.0, self.values[steps.next_obs])
         errors = rewards + DISCOUNT * ahead - self.values[steps.obs]
-        found = np.zeros_like(errors)
-        later = np.zeros(errors.shape[1])
+        found, later = np.zeros_like(errors), np.zeros(errors.shape[1])
         for t in reversed(range(len(errors))):
             later = errors[t] + DISCOUNT * TRACE * np.where(steps.ended[t], 0.0, later)
             found[t] = later

@@ -16,8 +16,7 @@ DISCOUNT = 0.95
 @learns_from("reward")
 def train(case: Case) -> Learned:
     """The values of actions, (S, A)."""
-    env = case.env()
-    rng = np.random.default_rng(case.seed)
+    env, rng = case.env(), np.random.default_rng(case.seed)
     q = np.full((case.observation_space.n, case.action_space.n), OPTIMISM)
     visits = np.zeros_like(q)
     seen, _ = env.reset()

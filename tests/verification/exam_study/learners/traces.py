@@ -34,8 +34,7 @@ def train(case: Case) -> Learned:
         trace[s, a] = 1.0
         q += alpha * delta * trace
         trace *= GAMMA * LAMBDA if q[s_next, a_next] >= best - 1e-9 else 0.0
-        s = s_next
-        a = a_next
+        s, a = s_next, a_next
         if terminated or truncated:
             trace[:] = 0.0
             s, _ = env.reset()
