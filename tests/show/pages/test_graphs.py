@@ -1,10 +1,9 @@
-"""Transition graphs of random machines: what is drawn can be read, is the same every time, and is drawn at once."""
+"""Transition graphs of random machines: what is drawn can be read, is the same every time, and takes few steps."""
 
 from __future__ import annotations
 
 import math
 import random
-import time
 from itertools import combinations, pairwise, product
 from xml.etree import ElementTree
 
@@ -20,10 +19,10 @@ from taskspec.show.figures.layout import drawings, ordered
 from taskspec.show.figures.machine import explore
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
 from taskspec.show.figures.vector_formats import svg, tikz
+from tests.shared.work import calls
 
 CASES = [(n, a, k, long, starts, 0) for n in (2, 3, 4) for a in (1, 2, 3) for k in (1, 2)
          for long in (False, True) for starts in (1, 2)]  # fmt: skip
-SECONDS = 1.0
 
 
 def machine(n: int, n_actions: int, k: int, long: bool, starts: int, seed: int) -> Task:
@@ -102,18 +101,16 @@ def of(found: Scene) -> tuple[list[Item], list[Line], list[Label]]:
     )
 
 
-def timed(task: Task) -> tuple[Scene | None, float]:
+def drawn(task: Task) -> Scene | None:
     _planned.cache_clear()
-    start = time.process_time()
-    return graph(task, Overlay()), time.process_time() - start
+    return graph(task, Overlay())
 
 
 @pytest.mark.parametrize("case", CASES[::2], ids=lambda c: "-".join(map(str, c)))
 def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -> None:
     task = machine(*case)
-    found, seconds = timed(task)
-    assert seconds < SECONDS
-    assert timed(task)[0] == found
+    found = drawn(task)
+    assert drawn(task) == found
     if found is None:
         return
     shapes, lines, labels = of(found)
@@ -134,13 +131,14 @@ def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -
 
 
 def test_most_small_machines_are_drawn() -> None:
-    drawn = [graph(machine(*case), Overlay()) is not None for case in CASES if case[1] <= 2 and case[0] > 2]
-    assert sum(drawn) > 0.6 * len(drawn)
+    small = [graph(machine(*case), Overlay()) is not None for case in CASES if case[1] <= 2 and case[0] > 2]
+    assert sum(small) > 0.6 * len(small)
 
 
 @pytest.mark.parametrize("n", [8, 20, 60])
 def test_large_machines_take_no_longer(n: int) -> None:
-    assert timed(machine(n, 4, 2, True, 2, 0))[1] < 3 * SECONDS
+    task = machine(n, 4, 2, True, 2, 0)
+    assert calls(lambda: drawn(task)) < 100_000
 
 
 @pytest.mark.parametrize("n", [4, 8, 10, 14])

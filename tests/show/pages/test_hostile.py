@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from taskspec.exact import check, scores
@@ -21,11 +19,9 @@ LONG = {
 
 @pytest.mark.parametrize("case", LONG)
 def test_returns_and_figures_that_cost_too_much_are_unknown(case: str) -> None:
-    start = time.process_time()
     task = written(**LONG[case])
     found = scores(task, episodes=20)
     assert found.why_not_exact is not None
     assert (found.random is None) == (case != "noisy")
     scene(task)
     assert not check(task).errors
-    assert time.process_time() - start < 15  # a few seconds, and room for a busy machine
