@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.diagnostics import Diagnostic
-from taskspec.cli.check import examine
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language.targets import File
+from taskspec.tools.authoring.checks import examine
 from tests.language.source.test_error_codes import FILES
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.cli.check import examine
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language.targets import File
+from taskspec.tools.authoring.checks import examine
 from tests.exact.check.test_error_codes import FILES, FOLDER
 
 

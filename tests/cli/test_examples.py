@@ -8,12 +8,12 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from taskspec.cli.app import app
-from taskspec.cli.check import examine
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language import source
 from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.show import pages
+from taskspec.tools.authoring.checks import examine
 from tests.exact.rules.test_examples import AT, SPEC, V
 
 
@@ -28,7 +28,7 @@ def test_a_variant_inherits_examples_and_replaces_them(tmp_path: Path) -> None:
     path = tmp_path / "walk.yaml"
     path.write_text(json.dumps(SPEC | {"examples": [example], "variants": variants}), encoding="utf-8")
     report = check_file(File(path, ""), examine)
-    wrong = {each.variant: (each.examples, each.wrong_examples) for each in report.tasks}
+    wrong = {each.variant: (each.coverage.examples, len(each.coverage.wrong_examples)) for each in report.tasks}
     assert wrong == {None: (1, 0), "same": (1, 0), "other": (1, 1), "own": (1, 0), "none": (0, 0)}
     assert [d.code for d in report.diagnostics if d.code.startswith("E")] == ["E611"]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.check import examine
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language import source
 from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.models import Spec
+from taskspec.tools.authoring.checks import examine
 from tests.language.task.test_schema import HEAD, WALK, WHOLE
 from tests.shared.commands import Done, spec
 

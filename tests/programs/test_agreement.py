@@ -55,8 +55,8 @@ def fresh() -> None:
 def test_programs_are_run_at_every_setting() -> None:
     report = exact.check(lift())
     assert not report.errors
-    assert report.programs == dict.fromkeys(QUICK, 1 + len(report.cases))
-    assert not report.left_out
+    assert report.coverage.programs == dict.fromkeys(QUICK, 1 + len(report.coverage.cases))
+    assert not report.coverage.left_out
 
 
 def test_a_statement_after_the_last_is_refused() -> None:

@@ -8,32 +8,41 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
 from taskspec.base.limits import progress_listener, tell, telling
+from taskspec.exact.check.report import Accepted, Coverage, Report
 from taskspec.language.source import Kind
 from taskspec.language.targets import File, name_of, task_in, variants_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.exact.check.report import Accepted, Report
+    from taskspec.exact.model.points import Method
     from taskspec.language.task.task import Task
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """The check of one task of a file.
+    """The check of one task of a file: plain data, beside the task.
 
-    `id` is None where the task could not be built, and `task` also where it was checked in another process. `how` says in a
-    few words how soundness was decided, `method` in full. `cases` counts the other parameter values that were tried; `claims`
-    and `symmetries` are as `--json` writes them, `programs` and `left_out` as in `Report`. What was not checked is in `untried`
-    (the codes of warnings that a limit kept from being looked for), `untried_cases` and `untried_claims`. `accepted` are the
-    warnings that the spec gives a reason for, which are not among the `diagnostics`.
+    Args:
+        name: of the task.
+        variant: of the spec; None for the spec itself.
+        diagnostics: errors and warnings, without those that the spec accepts.
+        how: the method of the check of soundness, in a few words.
+        seconds: time that building and checking took.
+        id: of the task; None where it could not be built.
+        task: None where it could not be built, or was checked in another process.
+        method: of the check of soundness, in full.
+        accepted: warnings for which the spec gives a reason.
+        claims: a record of each claim that was evaluated, as `--json` writes it.
+        symmetries: a record of each declared symmetry.
+        coverage: as in `Report`.
     """
 
     name: str
@@ -44,22 +53,15 @@ class Checked:
     id: str | None = None
     task: Task | None = None
     method: str = ""
-    cases: int = 0
     accepted: tuple[Accepted, ...] = ()
-    examples: int = 0
-    wrong_examples: int = 0
     claims: tuple[dict[str, Any], ...] = ()
     symmetries: tuple[dict[str, Any], ...] = ()
-    untried: tuple[str, ...] = ()
-    untried_cases: int = 0
-    untried_claims: int = 0
-    programs: Mapping[str, int] = field(default_factory=dict)
-    left_out: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    coverage: Coverage = field(default_factory=Coverage)
 
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """One file: its tasks, each of its problems once, and the warnings that it accepts; of other kinds, how many entries."""
+    """The check of a file: its tasks, each problem once, accepted warnings; for other kinds of files, the number of entries."""
 
     path: str
     tasks: tuple[Checked, ...]
@@ -135,19 +137,28 @@ def check_task(file: File, variant: str | None, prove: Callable[[Task], Report])
         place = task.source.document.span(("name",))
         placed = in_order([d if d.span is not None else replace(d, span=place) for d in error.diagnostics])
         return Checked(task.name, variant, placed, "given up", time.perf_counter() - start, task.id, task)
-    method = report.method
-    how = f"{method.points:,} samples"
-    if method.exact:
-        if method.points:
-            how = f"all {method.points:,} points"
-        else:
-            how = "bounds"
     return Checked(
-        task.name, variant, report.diagnostics, how, time.perf_counter() - start, task.id, task, str(method),
-        len(report.cases), report.accepted, report.examples, len(report.wrong_examples),
-        tuple(v.record() for v in report.verdicts), tuple(each.record() for each in report.symmetries), report.untried,
-        report.untried_cases, report.untried_claims, report.programs, report.left_out,
-    )  # fmt: skip
+        name=task.name,
+        variant=variant,
+        diagnostics=report.diagnostics,
+        how=_in_short(report.method),
+        seconds=time.perf_counter() - start,
+        id=task.id,
+        task=task,
+        method=str(report.method),
+        accepted=report.accepted,
+        claims=tuple(verdict.record() for verdict in report.verdicts),
+        symmetries=tuple(symmetry.record() for symmetry in report.symmetries),
+        coverage=report.coverage,
+    )
+
+
+def _in_short(method: Method) -> str:
+    if not method.exact:
+        return f"{method.points:,} samples"
+    if method.points:
+        return f"all {method.points:,} points"
+    return "bounds"
 
 
 def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
@@ -180,7 +191,12 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     return tuple(sorted(found, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
 
 
+def problems_of(reports: Iterable[FileReport]) -> list[Diagnostic]:
+    """List the errors and warnings of all files."""
+    return [diagnostic for report in reports for diagnostic in report.diagnostics]
+
+
 def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:
-    """Return the numbers of errors and of warnings."""
+    """Count errors, and warnings."""
     severities = [d.severity for d in diagnostics]
     return severities.count("error"), severities.count("warning")

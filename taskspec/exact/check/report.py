@@ -117,42 +117,54 @@ def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) 
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """Parts of a check that were carried out, and parts that were not; plain data.
+
+    Args:
+        cases: other parameter values at which soundness was checked.
+        untried_cases: number of other parameter values that were not checked, because a limit forbids so many builds.
+        untried_claims: number of claims that were not evaluated: all of them where a task is not sound, or nobody asked.
+        untried: codes of warnings that were not looked for, because a limit forbids the exact model.
+        examples: number of examples that were checked.
+        wrong_examples: indices of examples that are not confirmed.
+        programs: number of settings at which each program did what the interpreter does.
+        left_out: number of settings at which a program did not run, by program and reason.
+    """
+
+    cases: tuple[Mapping[str, Any], ...] = ()
+    untried_cases: int = 0
+    untried_claims: int = 0
+    untried: tuple[str, ...] = ()
+    examples: int = 0
+    wrong_examples: frozenset[int] = frozenset()
+    programs: Mapping[str, int] = field(default_factory=dict)
+    left_out: Mapping[tuple[str, str], int] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Report:
     """The result of `check`.
 
     Args:
-        method: for soundness: all points, or samples.
-        cases: other parameter values that were checked.
-        examples: how many were checked.
-        untried: codes of warnings that were not looked for, because a limit forbids the exact model.
-        untried_cases: how many other parameter values were not checked, because a limit forbids so many builds.
+        task: the task that was checked.
+        diagnostics: errors and warnings, sorted by place.
+        method: of the check of soundness: all points, or samples.
+        results: exact results, computed when they are asked for.
+        verdicts: one for each claim that was evaluated.
+        symmetries: one check for each declared symmetry.
         accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
-        wrong_examples: numbers of examples that are not confirmed.
-        programs: the number of settings at which each program did what the interpreter does.
-        left_out: the number of settings at which a program was not, by program and reason.
+        coverage: numbers of cases, examples and programs that were checked, and of those that were not.
     """
 
     task: Task
     diagnostics: tuple[Diagnostic, ...]
     method: Method
     results: Results = field(repr=False)
-    cases: tuple[Mapping[str, Any], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
-    examples: int = 0
-    accepted: tuple[Accepted, ...] = ()
-    wrong_examples: frozenset[int] = frozenset()
     symmetries: tuple[SymmetryCheck, ...] = ()
-    programs: Mapping[str, int] = field(default_factory=dict)
-    left_out: Mapping[tuple[str, str], int] = field(default_factory=dict)
-    untried: tuple[str, ...] = ()
-    untried_cases: int = 0
-
-    @property
-    def untried_claims(self) -> int:
-        """The number of claims that were not evaluated: all of them where a task is not sound, or nobody asked."""
-        claims = sum(len(claim.cases or ({},)) for claim in self.task.annotations.claims)
-        return claims - len(self.verdicts)
+    accepted: tuple[Accepted, ...] = ()
+    coverage: Coverage = field(default_factory=Coverage)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -213,11 +225,13 @@ def check(  # noqa: C901
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
-    examples = len(task.annotations.examples) * claims
+    examples = 0
     wrong = set()
-    for number, problem in wrong_examples(task) if claims else ():
-        wrong.add(number)
-        found.append(problem)
+    if claims:
+        examples = len(task.annotations.examples)
+        for number, problem in wrong_examples(task):
+            wrong.add(number)
+            found.append(problem)
     results = Results(task)
     decided: tuple[Verdict, ...] = ()
     untried: tuple[str, ...] = ()
@@ -237,22 +251,18 @@ def check(  # noqa: C901
     at_defaults = all(p.value == p.default for p in task.parameters)
     if with_warnings and claims and at_defaults and not has_errors:
         left += idle(task, accepted, (*unknown, *untried))
-    return Report(
-        task,
-        in_order(left),
-        sound.method,
-        results,
+    number_of_claims = sum(len(claim.cases or ({},)) for claim in task.annotations.claims)
+    coverage = Coverage(
         cases=others.cases,
-        verdicts=decided,
+        untried_cases=others.untried,
+        untried_claims=number_of_claims - len(decided),
+        untried=untried,
         examples=examples,
-        accepted=tuple(accepted),
         wrong_examples=frozenset(wrong),
-        symmetries=symmetries,
         programs=run.settings,
         left_out=run.left_out,
-        untried=untried,
-        untried_cases=others.untried,
     )
+    return Report(task, in_order(left), sound.method, results, decided, symmetries, tuple(accepted), coverage)
 
 
 def _symmetries(task: Task) -> tuple[SymmetryCheck, ...]:

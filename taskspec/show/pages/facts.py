@@ -52,7 +52,7 @@ class Setting:
 def gather(task: TaskLike | Report) -> Facts:
     """Return scores and verdicts of a task; those of a report with claims are not worked out again."""
     if isinstance(task, Report):
-        return _facts(task.results, task.verdicts, task.wrong_examples)
+        return _facts(task.results, task.verdicts, task.coverage.wrong_examples)
     found = Results(load(task))
     return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
 

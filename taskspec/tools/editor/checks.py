@@ -76,13 +76,12 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     from taskspec import exact
     from taskspec.base.diagnostics import SpecError, records
     from taskspec.exact.check.file_checks import check_file
-    from taskspec.exact.check.spec_warnings import look_alikes
     from taskspec.language.registry import suite_of
     from taskspec.language.targets import File
-    from taskspec.show.figures import undrawn
+    from taskspec.tools.authoring.checks import examine
 
     file = File(Path(name), suite_of(name), text=text)
-    report = check_file(file, lambda task: exact.check(task, beside=lambda task: [*undrawn(task), *look_alikes(task)]))
+    report = check_file(file, examine)
     statuses = [claim["status"] for each in report.tasks for claim in each.claims]
     if statuses:
         claims = [(["claims"], f"{statuses.count('proved')} of {len(statuses)} claims proved")]

@@ -230,7 +230,7 @@ def with_examples(task: Task, examples: list[dict[str, Any]]) -> Task:
 def test_check_runs_examples_without_being_asked() -> None:
     text = json.dumps(SPEC | {"examples": [FAIL[0][0], HOLD[0]]})
     report = check(build(source.read_text(text, "walk.yaml")))
-    assert report.wrong_examples == {0}
+    assert report.coverage.wrong_examples == {0}
     assert "E611" in [d.code for d in report.errors]
 
 

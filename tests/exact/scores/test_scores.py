@@ -284,7 +284,7 @@ def test_a_report_says_everything() -> None:
     assert found.method.exact
     assert len(found.cases) == 4
     assert all(v.status == "proved" for v in found.verdicts)
-    assert (found.untried, found.untried_cases, found.untried_claims) == ((), 0, 0)
+    assert (found.coverage.untried, found.coverage.untried_cases, found.coverage.untried_claims) == ((), 0, 0)
 
 
 # -- compiled sweeps and the benchmark ------------------------------------------------------------

@@ -118,7 +118,7 @@ def soundness(subject: Subject) -> int:
     report = check(subject.case.task, claims=False)
     for error in report.errors:
         raise Difference(f"check {error.code}", f"{error.message} {' '.join(error.notes)}")
-    return 1 + len(report.cases)
+    return 1 + len(report.coverage.cases)
 
 
 def texts(subject: Subject) -> int:
