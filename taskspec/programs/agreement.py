@@ -30,6 +30,8 @@ QUICK = ("scalar", "numpy")
 """Programs that are generated in milliseconds; others take seconds to compile."""
 LANES = 2
 STEPS = 6
+FEWER_STEPS = 2
+"""Steps at further settings of a task, where the same program works with other numbers."""
 WORK = 10_000
 """Numbers that the interpreter works out for a setting, about: in larger tasks it takes fewer steps."""
 LARGEST = 50_000
@@ -62,7 +64,10 @@ class ProgramChecks:
         After its first error, a program is not run again.
         """
         problems = []
-        reference = ReferenceRun(task)
+        if any(self.settings.values()):
+            reference = ReferenceRun(task, FEWER_STEPS)
+        else:
+            reference = ReferenceRun(task, STEPS)
         for program in tuple(self._programs):
             tell(f"{program} program")
             try:
@@ -84,11 +89,13 @@ class ReferenceRun:
 
     Attributes:
         task: a sound task.
+        count: the number of steps, fewer where they are large.
         size: the numbers that a reset and a step work out.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, count: int = STEPS) -> None:
         self.task = task
+        self.count = count
         self.size = total_size(walk(task.roots))
 
     @cached_property
@@ -102,7 +109,7 @@ class ReferenceRun:
         assert self.first
         rng = np.random.default_rng(SEED)
         found = []
-        for _ in range(max(1, min(STEPS, WORK // (LANES * self.size)))):
+        for _ in range(max(1, min(self.count, WORK // (LANES * self.size)))):
             actions = random_actions(self.task.action_layout, rng)
             found.append((actions, self._lanes.step(actions)))
         return found
