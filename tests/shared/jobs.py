@@ -15,6 +15,7 @@ from typing import Any
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.jobs.running import Interrupted, Running, run
 from taskspec.base.jobs.store import Job, Store
+from taskspec.base.jobs.work import within_limit
 
 
 def square(x: int, log: str | None = None, seconds: float = 0.0) -> dict[str, int]:
@@ -90,6 +91,28 @@ def deaf() -> None:
 def hold() -> int:
     """One call in C that holds the interpreter for hours and heeds no signal."""
     return sum(range(10**13))
+
+
+def meet(folder: str, name: str, other: str) -> int:
+    """Return the number of this process, as soon as the other job has begun, too."""
+    (Path(folder) / name).touch()
+    while not (Path(folder) / other).exists():
+        time.sleep(0.01)
+    return os.getpid()
+
+
+def partly_limited(before: float, within: float) -> None:
+    time.sleep(before)
+    with within_limit():
+        time.sleep(within)
+
+
+def talk(text: str, log: str) -> dict[str, int]:
+    """Print to both streams, and die the first time."""
+    print(text)
+    os.write(2, b"and aloud\n")
+    sys.stdout.flush()
+    return die_once(log)
 
 
 def squares(count: int, *arguments: Any) -> list[Job]:

@@ -6,6 +6,7 @@ import ast
 import hashlib
 import warnings
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -39,17 +40,23 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
     if (home / "__init__.py").is_file():
         folders.append(home.parent)
     contents: dict[Path, bytes] = {}
+    looked_for: set[str] = set()
     waiting = [start]
     while waiting:
         file = waiting.pop()
         if file in contents or not file.is_relative_to(home):
             continue
         try:
-            contents[file] = file.read_bytes()
+            about = file.stat()
+            contents[file], imports = _read(file, about.st_mtime_ns, about.st_size)
         except OSError as error:
             message = f"cannot read {str(file)!r}: {error.strerror or error}"
             raise SpecError([Diagnostic("E710", None, message)]) from error
-        waiting += _imported(contents[file], file, folders)
+        for module, level in imports:
+            if 0 < level <= len(file.parents):
+                waiting += _files(module, [file.parents[level - 1]], set())
+            else:
+                waiting += _files(module, folders, looked_for)
     return contents
 
 
@@ -60,7 +67,18 @@ def _home(file: Path) -> Path:
     return home
 
 
-def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]:
+@lru_cache(maxsize=4096)
+def _read(file: Path, changed: int, size: int) -> tuple[bytes, tuple[tuple[str, int], ...]]:
+    """Return the content of a file, and what it imports: names, and how many dots are before them.
+
+    Args:
+        changed: when the file was changed last, which makes another content another call; as the size does.
+    """
+    content = file.read_bytes()
+    return content, tuple(dict.fromkeys(_imported(content)))
+
+
+def _imported(content: bytes) -> Iterator[tuple[str, int]]:
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(content)
@@ -69,22 +87,25 @@ def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
-                yield from _files(alias.name, folders)
+                yield alias.name, 0
         elif isinstance(node, ast.ImportFrom):
-            if 0 < node.level <= len(file.parents):
-                within = [file.parents[node.level - 1]]
-            else:
-                within = folders
             for alias in node.names:
-                yield from _files(f"{node.module or ''}.{alias.name}".lstrip("."), within)
+                yield f"{node.module or ''}.{alias.name}".lstrip("."), node.level
 
 
-def _files(module: str, folders: list[Path]) -> Iterator[Path]:
-    """Yield the files of a module and of the packages that it is in; the last parts may be names in one of them."""
-    for folder in folders:
-        place = folder
-        for part in module.split("."):
-            place = place / part
-            for file in (place / "__init__.py", place.with_name(f"{part}.py")):
-                if file.is_file():
-                    yield file
+def _files(module: str, folders: list[Path], looked_for: set[str]) -> Iterator[Path]:
+    """Yield the files of a module and of the packages that it is in; the last parts may be names in one of them.
+
+    Args:
+        looked_for: modules whose files were yielded before, if they have some; these are added.
+    """
+    parts = module.split(".")
+    for count in range(1, len(parts) + 1):
+        name = "/".join(parts[:count])
+        if name in looked_for:
+            continue
+        looked_for.add(name)
+        for folder in folders:
+            for place in (folder / name / "__init__.py", folder / f"{name}.py"):
+                if place.is_file():
+                    yield place

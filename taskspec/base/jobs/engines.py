@@ -6,11 +6,15 @@ import logging
 import multiprocessing
 import os
 import re
+import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from queue import LifoQueue
 from typing import Any, NamedTuple
 
@@ -18,21 +22,21 @@ from loky import ProcessPoolExecutor, cpu_count
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
-from taskspec.base.jobs.work import Ending, begin, late, pack, perform
+from taskspec.base.jobs.work import GRACE, Ending, begin, late, pack, perform
 
-AHEAD = 2
+AHEAD = 8
 """Calls handed out for each that can be done at a time, so that nobody waits for the next one."""
-GRACE = 1.0
-"""Seconds after its limit in which a call may still stop by itself."""
 HEARTBEAT = 0.5
 """Seconds after which somebody who waits for calls hears Ctrl-C."""
 IDLE = 60.0
 """Seconds after which a process that has nothing to do ends."""
 SHARED = {
     "PJRT_NPROC": "1", "OMP_NUM_THREADS": "1", "XLA_PYTHON_CLIENT_PREALLOCATE": "false", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e15",
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
 }  # fmt: skip
 """The environment of a process, unless it says otherwise: one thread for JAX and for what uses OpenMP, such as PyTorch, and only
-as much of an accelerator as it needs. loky starts no new process because a call took much memory.
+as much of an accelerator as it needs. loky starts no new process because a call took much memory. JAX keeps all that it compiles,
+in a folder that processes share, so that a module that is run again is not compiled again.
 
 There may be a process for each processor: with two threads JAX was seen to wait for ever, and PyTorch trained twenty times more
 slowly; JAX takes three quarters of the memory by default.
@@ -40,52 +44,89 @@ slowly; JAX takes three quarters of the memory by default.
 _EXIT_CODES = re.compile(r"exit codes of the workers are \{(.*)\}")
 
 
+_LAST = 50_000
+"""Bytes of what a call printed that are kept."""
+
+
+@dataclass(eq=False)
+class _Call:
+    """A packed call that waits for a process, the time that it may take, and the group of its job."""
+
+    packed: bytes
+    seconds: float | None
+    limits_itself: bool
+    group: str
+    ending: Future[Ending] = field(default_factory=Future)
+
+
 class _Worker:
     """A process that does calls, one at a time; one that dies, or hangs, is replaced by another."""
 
-    def __init__(self) -> None:
-        self._executor = _executor()
+    def __init__(self, folder: Path, number: int) -> None:
+        self.folder = folder
+        self.output = folder / f"printed-{number}"
+        self.groups: list[str] = []
+        self._executor = self._new_executor()
 
-    def attempt(self, call: bytes, seconds: float | None) -> Ending:
+    def attempt(self, call: _Call) -> Ending:
         """Do a call (see `perform`); if its process dies, the status is `died`."""
-        if seconds is None:
-            limit = None
-        else:
-            limit = seconds + GRACE
         start = time.perf_counter()
         try:
-            self._executor.submit(os.getpid).result()  # its process is there, and the time limit begins
-            start = time.perf_counter()
-            future: Future[Ending] = self._executor.submit(perform, call, seconds)
-            return future.result(limit)
-        except TimeoutError:
-            ending = Ending("timed_out", message=f"{late(seconds)} and could not be interrupted")
+            done: Ending = self._executor.submit(perform, call.packed, call.seconds, call.limits_itself).result()
+            return done._replace(printed=self._printed())
         except BrokenExecutor as error:
             codes = _EXIT_CODES.search(str(error))
             reason = codes[1] if codes else "UNKNOWN"
+        took = time.perf_counter() - start
+        if call.seconds is not None and took >= call.seconds + GRACE and reason == "EXIT(1)":
+            ending = Ending("timed_out", message=f"{late(call.seconds)} and could not be interrupted")
+        else:
             ending = Ending("died", message=f"its process died: {reason}")
         self.end()
-        self._executor = _executor()
-        return ending._replace(seconds=time.perf_counter() - start)
+        self._executor = self._new_executor()
+        return ending._replace(seconds=took, printed=self._printed())
+
+    def wait(self) -> None:
+        """Wait until its process is there."""
+        with suppress(BrokenExecutor):  # which the next call reports
+            self._executor.submit(os.getpid).result()
+
+    def _printed(self) -> str:
+        """Return the last part of what was printed since this was asked last."""
+        if not self.output.exists():
+            return ""
+        with self.output.open("r+b") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - _LAST))
+            content = file.read()
+            file.truncate(0)
+        return content.decode(errors="replace")
+
+    def _new_executor(self) -> ProcessPoolExecutor:
+        compiled = {"JAX_COMPILATION_CACHE_DIR": str(self.folder / "compiled")}
+        environment = {**SHARED, **compiled, **os.environ}
+        arguments = (os.getpid(), self.output)
+        return ProcessPoolExecutor(1, timeout=IDLE, env=environment, initializer=begin, initargs=arguments)
 
     def end(self) -> None:
         """End the process, in the middle of a call if need be."""
         self._executor.shutdown(kill_workers=True)
 
 
-def _executor() -> ProcessPoolExecutor:
-    environment = {**SHARED, **os.environ}
-    return ProcessPoolExecutor(1, timeout=IDLE, env=environment, initializer=begin, initargs=(os.getpid(),))
-
-
 class Workers:
-    """Processes of this machine that do many rounds of calls, as a context; a call that hangs or crashes costs itself alone."""
+    """Processes of this machine that do many rounds of calls, as a context; a call that hangs or crashes costs itself alone.
+
+    A process goes on with calls of the group that it did last, as long as there are some: it remembers what they share.
+    """
 
     def __init__(self, count: int | None = None) -> None:
         self.count = count or cpu_count()
+        self._scratch = tempfile.TemporaryDirectory(prefix="taskspec-", ignore_cleanup_errors=True)
         self._threads = ThreadPoolExecutor(self.count)
         self._workers: list[_Worker] = []
         self._free: LifoQueue[_Worker] = LifoQueue()
+        self._waiting: list[_Call] = []
+        self._choosing = threading.Lock()
 
     def __enter__(self) -> Workers:
         return self
@@ -95,21 +136,51 @@ class Workers:
         for worker in self._workers:
             worker.end()
         self._threads.shutdown()
+        self._scratch.cleanup()
 
-    def submit(self, call: bytes, seconds: float | None) -> Future[Ending]:
-        """Do a packed call as soon as a process is free."""
+    def submit(
+        self, call: bytes, seconds: float | None, limits_itself: bool = False, group: str = ""
+    ) -> Future[Ending]:
+        """Do a packed call as soon as a process is free; arguments are those of a `Job`."""
         if len(self._workers) < self.count:
-            worker = _Worker()
+            worker = _Worker(Path(self._scratch.name), len(self._workers))
             self._workers.append(worker)
             self._free.put(worker)
-        return self._threads.submit(self._attempt, call, seconds)
+        waiting = _Call(call, seconds, limits_itself, group)
+        with self._choosing:
+            self._waiting.append(waiting)
+        self._threads.submit(self._attempt_one)
+        return waiting.ending
 
-    def _attempt(self, call: bytes, seconds: float | None) -> Ending:
+    def _attempt_one(self) -> None:
         worker = self._free.get()
+        worker.wait()  # its time limit begins with the call, and more calls to choose from have come
+        call = self._choose(worker)
         try:
-            return worker.attempt(call, seconds)
+            call.ending.set_result(worker.attempt(call))
+        except BaseException as error:
+            call.ending.set_exception(error)
         finally:
             self._free.put(worker)
+
+    def _choose(self, worker: _Worker) -> _Call:
+        """Take the next call for a process: of its last group, of one that it did earlier, of one that no process did."""
+        with self._choosing:
+            done = {group for each in self._workers for group in each.groups}
+
+            def rank(call: _Call) -> int:
+                if call.group in worker.groups[-1:]:
+                    return 0
+                if call.group in worker.groups:
+                    return 1
+                return 2 + (call.group in done)
+
+            call = min(self._waiting, key=rank)
+            self._waiting.remove(call)
+            if call.group in worker.groups:
+                worker.groups.remove(call.group)
+            worker.groups.append(call.group)
+            return call
 
     def capacity(self) -> int:
         """Return how many calls to hand out at a time."""
@@ -147,9 +218,11 @@ class Cluster(NamedTuple):
     executor: Executor
     killed: Any
 
-    def submit(self, call: bytes, seconds: float | None) -> Future[Ending]:
+    def submit(
+        self, call: bytes, seconds: float | None, limits_itself: bool = False, group: str = ""
+    ) -> Future[Ending]:
         """Do a packed call as soon as a worker is free."""
-        return self.executor.submit(attempt, call, seconds)
+        return self.executor.submit(attempt, call, seconds, limits_itself, group)
 
     def capacity(self) -> int:
         """Return how many calls to hand out at a time."""
@@ -215,6 +288,6 @@ def _workers_here() -> Workers:
     return Workers()
 
 
-def attempt(call: bytes, seconds: float | None) -> Ending:
+def attempt(call: bytes, seconds: float | None, limits_itself: bool, group: str) -> Ending:
     """Do a call on a worker of a cluster, in a process of its own."""
-    return _workers_here().submit(call, seconds).result()
+    return _workers_here().submit(call, seconds, limits_itself, group).result()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter, deque
 from collections.abc import Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.jobs.engines import HEARTBEAT, Cluster, Workers, cluster
+from taskspec.base.jobs.engines import AHEAD, HEARTBEAT, Cluster, Workers, cluster
 from taskspec.base.jobs.store import Job, JobResult, Status, Store
 from taskspec.base.jobs.work import Ending, pack
 from taskspec.base.limits import tell
@@ -62,8 +64,9 @@ DEFAULT = Running()
 
 
 def run(
-    jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str = "jobs", workers: Workers | None = None
-) -> dict[str, JobResult]:
+    jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str = "jobs", workers: Workers | None = None,
+    printed: Path | None = None,
+) -> dict[str, JobResult]:  # fmt: skip
     """Do the jobs that have no result yet, in any order, and report how many are over (see `base.limits.tell`).
 
     A job that raises, takes too long or ends its process is recorded with a message, while the rest goes on. One whose process
@@ -72,6 +75,7 @@ def run(
     Args:
         name: what the progress is of.
         workers: processes that go on after this run; those that `running` says unless given.
+        printed: a file to which the last of what each job printed is appended; standard error unless given.
 
     Returns:
         Results by key, in the order of the jobs, earlier ones included.
@@ -86,7 +90,7 @@ def run(
         again = {key: row.attempts for key, row in known.items() if running.retry and row.status != "done"}
         todo = [job for key, job in wanted.items() if key not in known or key in again]
         statuses = Counter(row.status for key, row in known.items() if key not in again)
-        this = _Run(store, running.seconds, name, len(wanted), statuses, Counter(again))
+        this = _Run(store, running.seconds, name, len(wanted), statuses, Counter(again), printed)
         this.report()
         if todo:
             with _engine(running, workers) as engine:
@@ -108,20 +112,23 @@ class _Run:
     total: int
     statuses: Counter[Status]
     attempts: Counter[str]
+    printed: Path | None
     deaths: Counter[str] = field(default_factory=Counter)
     suspects: list[Job] = field(default_factory=list)
 
     def do(self, jobs: list[Job], engine: Workers | Cluster) -> None:
         """Do jobs, many at a time."""
-        waiting = deque(jobs)
+        waiting: dict[str, deque[Job]] = {}
+        for job in jobs:
+            waiting.setdefault(job.group, deque()).append(job)
         pending: dict[Future[Ending], Job] = {}
         try:
             while waiting or pending:
-                for _ in range(min(engine.capacity() - len(pending), len(waiting))):
-                    job = waiting.popleft()
+                while waiting and len(pending) < engine.capacity():
+                    job = _taken(waiting, Counter(each.group for each in pending.values()))
                     self.attempts[job.key] += 1
                     call = pack(job.function, job.arguments)
-                    pending[engine.submit(call, self.seconds)] = job
+                    pending[engine.submit(call, self.seconds, job.limits_itself, job.group)] = job
                 wait(pending, HEARTBEAT, FIRST_COMPLETED)
                 self._harvest(pending, engine)
         except KeyboardInterrupt:
@@ -136,6 +143,7 @@ class _Run:
         for future in over:
             job = pending[future]
             ending = engine.ending(future)
+            self._keep(job, ending.printed)
             if ending.status == "died":
                 self.deaths[job.key] += 1
                 if self.deaths[job.key] < DEATHS:
@@ -154,6 +162,17 @@ class _Run:
             del pending[future]
         self.report()
 
+    def _keep(self, job: Job, text: str) -> None:
+        """Keep what a job printed, under its name."""
+        if not text.strip():
+            return
+        block = f"-- {job.name}\n{text.rstrip()}\n"
+        if self.printed is None:
+            sys.stderr.write(block)
+            return
+        with self.printed.open("a", encoding="utf-8") as file:
+            file.write(block)
+
     def report(self) -> None:
         """Report how many jobs are over."""
         over = self.statuses.total()
@@ -161,3 +180,13 @@ class _Run:
         if over > self.statuses["done"]:
             words += f", {over - self.statuses['done']} failed"
         tell(words, over / max(self.total, 1))
+
+
+def _taken(waiting: dict[str, deque[Job]], handed_out: Counter[str]) -> Job:
+    """Take the next job: of the first group of which a process has too few at hand, if there is one."""
+    few = (group for group in waiting if handed_out[group] < AHEAD)
+    group = next(few, next(iter(waiting)))
+    job = waiting[group].popleft()
+    if not waiting[group]:
+        del waiting[group]
+    return job

@@ -25,12 +25,16 @@ class Job:
         name: for people.
         function: at the top level of a module other than `__main__`, or its place as text, `"module:name"`.
         arguments: for the function, in order; they have to be picklable.
+        group: jobs of one group share what a process remembers, and are done by as few processes as can be.
+        limits_itself: whether the function applies the time limit to a part of its work, by `within_limit`.
     """
 
     key: str
     name: str
     function: Callable[..., Any] | str
     arguments: tuple[Any, ...] = ()
+    group: str = ""
+    limits_itself: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+import faulthandler
 import importlib
 import json
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from taskspec.base.diagnostics import TaskspecError
 
 LOOK = 0.5
 """Seconds between looks at whether the other process is still there."""
+GRACE = 1.0
+"""Seconds after its limit in which a call may still stop by itself; then its process ends, with the code 1."""
+_limit: ContextVar[float | None] = ContextVar("limit", default=None)
+"""Seconds that the call may take, or a part of it that limits itself."""
 
 
 class Ending(NamedTuple):
-    """The end of a call, as its process reports it; the process that waited for it reports those that `died`."""
+    """The end of a call, as its process reports it; the process that waited for it reports those that `died`.
+
+    `printed` is the last part of what the call printed.
+    """
 
     status: Literal["done", "failed", "timed_out", "quarantined", "died"]
     result: str | None = None
     message: str | None = None
     seconds: float = 0.0
+    printed: str = ""
 
 
 class Late(BaseException):
@@ -45,17 +57,21 @@ def _unpicklable(reason: str) -> None:
     raise TypeError(f"the call cannot be pickled: {reason}")
 
 
-def begin(parent: int) -> None:
-    """Prepare a process for calls: it ignores Ctrl-C, reads nothing, and prints to standard error.
+def begin(parent: int, output: Path) -> None:
+    """Prepare a process for calls: it ignores Ctrl-C, reads nothing, and prints to a file.
 
     Args:
         parent: the process that it works for, with which it ends, even in the middle of a call.
+        output: the file, which is appended to.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
-    os.dup2(2, 1)
+    printed = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.dup2(printed, 1)
+    os.dup2(printed, 2)
+    os.close(printed)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
@@ -65,16 +81,21 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def perform(call: bytes, seconds: float | None) -> Ending:
+def perform(call: bytes, seconds: float | None, limits_itself: bool = False) -> Ending:
     """Call a function, and return how that ended.
 
     Args:
         call: see `pack`.
         seconds: that it may take; after them it is interrupted.
+        limits_itself: whether the function applies the limit to a part of its work, by `within_limit`.
     """
     start = time.perf_counter()
+    token = _limit.set(seconds)
+    whole = None
+    if not limits_itself:
+        whole = seconds
     try:
-        with interrupted(seconds), _alone():
+        with _limited(whole), _alone():
             function, arguments = pickle.loads(call)
             if isinstance(function, str):
                 module, _, name = function.partition(":")
@@ -87,6 +108,10 @@ def perform(call: bytes, seconds: float | None) -> Ending:
     except BaseException as error:
         words = "".join(traceback.format_exception_only(error)).strip()
         ending = Ending("failed", message=f"{words}\n  at {_place(error)}")
+    finally:
+        _limit.reset(token)
+        sys.stdout.flush()
+        sys.stderr.flush()
     return ending._replace(seconds=time.perf_counter() - start)
 
 
@@ -100,6 +125,29 @@ def _json(value: Any) -> str:
         return json.dumps(value)
     except (TypeError, ValueError) as error:
         raise TypeError(f"the result is not JSON data: {error}") from None
+
+
+@contextmanager
+def within_limit() -> Iterator[None]:
+    """Apply the time limit of a call to a block alone, for a function that limits itself; without a call there is none."""
+    with _limited(_limit.get()):
+        yield
+
+
+@contextmanager
+def _limited(seconds: float | None) -> Iterator[None]:
+    """Interrupt a block after some time; if it does not stop, end the process, after printing where it is."""
+    if seconds is None:
+        yield
+        return
+    us = os.getpid()
+    faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=2)
+    try:
+        with interrupted(seconds):
+            yield
+    finally:
+        if os.getpid() == us:  # a copy by `os.fork` has no thread that could be told
+            faulthandler.cancel_dump_traceback_later()
 
 
 @contextmanager

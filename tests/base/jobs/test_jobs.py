@@ -131,6 +131,40 @@ def test_what_fails_hangs_or_dies_is_named_while_the_rest_is_done(tmp_path: Path
         assert again["key of wrong"].attempts == 2
 
 
+def test_a_limit_may_hold_for_a_part_of_a_job(tmp_path: Path) -> None:
+    cases = {"work of its own": (0.6, 0.0), "the limited part": (0.0, 0.6)}
+    wanted = [Job(name, name, jobs.partly_limited, times, limits_itself=True) for name, times in cases.items()]
+    with Store(tmp_path / "store") as store:
+        rows = run(wanted, store, Running(1, seconds=0.3))
+    assert [row.status for row in rows.values()] == ["done", "timed_out"]
+
+
+def test_each_group_stays_with_its_process(tmp_path: Path) -> None:
+    """The first and the last job of each group wait for those of the other, so that both processes are at work all the time."""
+    pairs = {"a": "b", "b": "a"}
+    wanted = []
+    for group, other in pairs.items():
+        for number in range(5):
+            name = f"{group}{number}"
+            waits_for = f"{other}{number}" if number in (0, 4) else name
+            wanted.append(Job(name, name, jobs.meet, (str(tmp_path), name, waits_for), group=group))
+    with Store(tmp_path / "store") as store:
+        rows = run(wanted, store, Running(2))
+    processes = {group: {row.value for key, row in rows.items() if key.startswith(group)} for group in pairs}
+    assert len(processes["a"]) == len(processes["b"]) == 1 and processes["a"] != processes["b"]
+
+
+def test_what_jobs_print_is_kept_apart(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    printed = tmp_path / "printed.txt"
+    wanted = [Job(name, name, jobs.talk, (f"this is {name}", str(tmp_path / name))) for name in ("one", "two")]
+    with Store(tmp_path / "store") as store:
+        run([*wanted, *jobs.squares(1)], store, Running(2), printed=printed)
+    blocks = [f"-- {name}\nthis is {name}\nand aloud" for name in ("one", "two") for _ in range(2)]
+    found = printed.read_text().replace("\n-- ", "\n\n-- ").strip().split("\n\n")
+    assert sorted(found) == blocks
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 @pytest.mark.skipif(os.cpu_count() == 1, reason="there is one thread anyway")
 def test_jax_computes_with_one_thread_in_each_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
