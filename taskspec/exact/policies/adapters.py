@@ -16,9 +16,11 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import plural
 from taskspec.base.named import all_names
 from taskspec.exact.model.model import Model, misused
 from taskspec.exact.policies.files import function_of, is_function
+from taskspec.exact.policies.networks import plain
 from taskspec.exact.policies.policy import (
     Actions,
     Asking,
@@ -102,11 +104,15 @@ class ObservationPolicy(TaskPolicy):
         """Return actions (N, *shape), in the format of the environment."""
 
     def choose(self, batch: EpisodeBatch) -> Actions:
-        actions = np.asarray(self.act(batch))
+        actions = np.asarray(plain(self.act(batch)))
         lanes = len(batch.running)
         if len(np.atleast_1d(actions)) != lanes:
             misused(f"`predict` gave {len(np.atleast_1d(actions))} actions for a batch of {lanes} observations")
         rows = actions.reshape(lanes, -1)
+        size = sum(segment.size for segment in self.actions.segments)
+        if rows.shape[1] != size:
+            hint = "give the action itself, as `env.step` takes it: not a value for each action"
+            misused(f"an action is {plural(size, 'number')} on {self.task.id}; the policy gave {rows.shape[1]}", hint)
         found = {}
         for c, segment in zip(self.task.action, self.actions.segments, strict=True):
             values = rows[:, segment.first : segment.first + segment.size]
@@ -218,7 +224,7 @@ class Predictor(ObservationPolicy):
             return None
         found: Array | None
         if self.gives_probabilities:
-            found = np.asarray(self.gives_probabilities(self.normalise(observations)), np.float64)
+            found = np.asarray(plain(self.gives_probabilities(self.normalise(observations))), np.float64)
         else:
             found = _sb3_probabilities(self.policy, self.normalise(observations))
         if found is None or legal is None:
@@ -280,7 +286,7 @@ class ObservationFunction(ObservationPolicy):
 
     def act(self, batch: EpisodeBatch) -> Array:
         running = np.flatnonzero(batch.running)
-        chosen = np.array([self._one(batch, int(lane)) for lane in running])
+        chosen = np.array([plain(self._one(batch, int(lane))) for lane in running])
         if len(running) == len(batch.running):
             return chosen
         actions = np.repeat(chosen[:1], len(batch.running), axis=0)  # actions after the end of an episode do not matter

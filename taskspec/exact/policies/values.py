@@ -19,6 +19,7 @@ from taskspec.exact.policies.adapters import (
     Varies,
 )  # fmt: skip
 from taskspec.exact.policies.experts import Expert
+from taskspec.exact.policies.networks import is_network, outputs_of
 from taskspec.exact.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, legal_rows, planned, states_of
 from taskspec.exact.rollout.rollout import EPISODES, Rollout, State
 from taskspec.exact.scores.returns import Results, Return
@@ -160,11 +161,15 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
 
     Args:
         results: of the task.
-        policy: an object with `predict` (and maybe `probabilities`), a function of the observation, or a table (see `_of_table`).
+        policy: an object with `predict` (and maybe `probabilities`), a function of the observation, a table (see `_of_table`), or
+            a network of PyTorch: from observations (N, *shape) to actions of a box, or else to probabilities or values (N, A), as
+            in a table.
         seed: of what it draws.
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
+    if is_network(policy):
+        return _of_network(results, policy, seed)
     probabilities = observed_probabilities(policy, results.task)
     if probabilities is not None:
         return _of_rows(results, probabilities, seed)
@@ -179,6 +184,23 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
         misused(f"{type(policy).__name__} is not a policy", hint)
     value = _value(results, ObservationFunction(results.task, policy, name="", seed=seed)).value
     return ObservedValue(value, value)
+
+
+def _of_network(results: Results, network: Any, seed: int) -> ObservedValue:
+    task = results.task
+    outputs = outputs_of(network)
+    if task.action_layout.form == "box":
+        value = _value(results, Predictor(task, _Acting(outputs))).value
+        return ObservedValue(value, value)
+    start = Predictor(task, None).observe(Rollout(task, 1).start(), 0, np.random.default_rng(0))
+    return _of_rows(results, outputs, seed, are_probabilities(outputs(start)))
+
+
+class _Acting:
+    """An object with `predict`, of a function."""
+
+    def __init__(self, function: Callable[[Any], Array]) -> None:
+        self.predict = function
 
 
 def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
@@ -236,10 +258,13 @@ def observation_rows(task: Task, policy: Any) -> Array | None:
         if are_probabilities(table):
             return table
         return greedy(table)
+    observations = np.arange(seen.counts[0]) + seen.starts[0]
+    if is_network(policy):
+        return observation_rows(task, outputs_of(policy)(observations))
     probabilities = observed_probabilities(policy, task)
     if probabilities is None:
         return None
-    return probabilities(np.arange(seen.counts[0]) + seen.starts[0])
+    return probabilities(observations)
 
 
 def _timed_value(results: Results, table: Array, is_greedy: bool) -> Return:

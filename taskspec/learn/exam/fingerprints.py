@@ -19,6 +19,7 @@ import numpy as np
 from taskspec.base.arrays import Array, parts_of
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
+from taskspec.exact.policies.networks import outputs_of
 from taskspec.exact.policies.policy import states_of
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
@@ -360,7 +361,7 @@ class _Observed:
             SpecError: E713 for another shape.
         """
         if callable(learned):
-            found = np.asarray(learned(self.rows), np.float64)
+            found = np.asarray(outputs_of(learned)(self.rows), np.float64)
         else:
             found = self._looked_up(np.asarray(learned, np.float64))
         shape = (len(self.acting),) if columns is None else (len(self.acting), columns)

@@ -1,0 +1,69 @@
+"""Networks of PyTorch as policies, rewards and values, and the numbers that functions of them give.
+
+PyTorch is no dependency: whoever hands over a network has it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.exact.model.model import misused
+
+
+def is_network(given: Any) -> bool:
+    """Return whether something is a network of PyTorch, `torch.nn.Module`, that has no `predict` of its own."""
+    has_parts = all(callable(getattr(given, name, None)) for name in ("forward", "parameters", "state_dict"))
+    return has_parts and not hasattr(given, "predict")
+
+
+def plain(values: Any) -> Any:
+    """Return a tensor of PyTorch, with a gradient or without, as an array; anything else as it is."""
+    if hasattr(values, "detach"):
+        return values.detach().cpu().numpy()
+    return values
+
+
+def outputs_of(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function of arrays that gives arrays: a network is evaluated without gradients, in its mode for evaluation.
+
+    Args:
+        function: a network, or a function that may give tensors.
+    """
+    if is_network(function):
+        return _Evaluated(function)
+    return lambda *arguments: plain(function(*arguments))
+
+
+class _Evaluated:
+    """A network as a function of arrays (N, *shape): real numbers in its own precision, whole ones as they are."""
+
+    def __init__(self, network: Any) -> None:
+        self.network = network
+
+    def __call__(self, *arguments: Any) -> Array:
+        torch = importlib.import_module("torch")
+        first = next(iter(self.network.parameters()), None)
+        tensors = []
+        for argument in arguments:
+            tensor = torch.as_tensor(np.asarray(argument))
+            if first is not None and tensor.is_floating_point():
+                tensor = tensor.to(first.dtype)
+            if first is not None:
+                tensor = tensor.to(first.device)
+            tensors.append(tensor)
+        was_training = self.network.training
+        self.network.train(False)
+        try:
+            with torch.no_grad():
+                found = self.network(*tensors)
+        finally:
+            self.network.train(was_training)
+        if not hasattr(found, "detach"):
+            hint = "wrap it in a function of one observation that gives the action"
+            misused(f"a network that is a policy gives one tensor, not {type(found).__name__}", hint)
+        return np.asarray(plain(found))
