@@ -8,7 +8,7 @@ import typer
 
 from taskspec.cli import exam_options as given
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say_written, write_json
+from taskspec.cli.console import misuse, say, say_written, write_json
 from taskspec.cli.progress import progress
 
 
@@ -77,6 +77,7 @@ def exam(
             terms["tasks"] = tasks_named(options.split_names(tasks))
         if learns_from is not None:
             terms["learns_from"] = options.split_names(learns_from)
+        terms["announce"] = lambda words: say(words, err=True)
         terms |= {"suite": suite, "against": against, "within": options.seconds("--within", within)}
         with progress(learners[0]):
             found = examine_learners(learners, output, running=running, until_sure=until_sure, laws=laws, **terms)

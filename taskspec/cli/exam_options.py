@@ -18,9 +18,7 @@ LearnerArgument = Annotated[
         "[cyan]suite/name[/]: its learners, on its tasks. Several learners are compared side by side.",
     ),
 ]  # fmt: skip
-Suite = Annotated[
-    str | None, Option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")
-]
+Suite = Annotated[str | None, Option("--suite", metavar="NAME", help="The suite of tasks; probes unless given.")]
 Tasks = Annotated[
     list[str] | None,
     Option(
@@ -31,7 +29,11 @@ Tasks = Annotated[
 Seeds = Annotated[int | None, Option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
 Steps = Annotated[
     str | None,
-    Option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
+    Option(
+        "--steps",
+        metavar="N",
+        help="Environment steps of each training run; 10k on probes unless given, 500k elsewhere.",
+    ),
 ]
 Transitions = Annotated[
     str | None, Option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")

@@ -20,9 +20,9 @@ from taskspec.base.display import count_of, listed, plural
 from taskspec.base.files import safe_name
 from taskspec.base.jobs.running import Running
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.exam.asked_tasks import exam_id, tasks_of
+from taskspec.learn.exam.asked_tasks import exam_id, suites_of, tasks_of
 from taskspec.learn.exam.card import flag_text, nearest
-from taskspec.learn.exam.examining import SUITES, examine
+from taskspec.learn.exam.examining import examine
 from taskspec.learn.exam.report import write
 from taskspec.learn.exam.results import Exam
 
@@ -155,9 +155,9 @@ class ExamOutcome:
         return "\n".join(lines)
 
     def _asked(self) -> dict[str, Task]:
-        suite = self._terms.get("suite")
-        suites = SUITES if suite is None else (suite,)
-        return {exam_id(task): task for task in tasks_of(suites, self._terms.get("tasks"))}
+        tasks = self._terms.get("tasks")
+        suites = suites_of(self._terms.get("suite"), tasks)
+        return {exam_id(task): task for task in tasks_of(suites, tasks)}
 
     def _command(self, tasks: Sequence[str]) -> str:
         place = _place(self._learner)

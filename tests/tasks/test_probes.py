@@ -40,18 +40,25 @@ def test_a_second_thought_is_needed_and_chance_matters() -> None:
     assert difficulty("RiskyPath", ["value_norm"])["value_norm"] == pytest.approx(202)  # 4 or -400: +-202
 
 
-@pytest.mark.parametrize(("asked", "expected"), [(None, (500_000, 10_000)), (20_000, (20_000, 10_000))])
-def test_an_exam_asks_the_probes_too_with_few_steps(asked: int | None, expected: tuple[int, int]) -> None:
+@pytest.mark.parametrize(
+    ("terms", "expected"),
+    [
+        ({}, {"probes/Aim-v0": 10_000}),
+        ({"steps": 20_000}, {"probes/Aim-v0": 20_000}),
+        ({"tasks": ["RiskyPath", "Aim"]}, {"derail/RiskyPath-v0": 500_000, "probes/Aim-v0": 10_000}),
+        ({"suite": "derail"}, {"derail/RiskyPath-v0": 500_000}),
+    ],
+)
+def test_an_exam_asks_the_probes_unless_told_otherwise(terms: dict[str, Any], expected: dict[str, int]) -> None:
     granted = {}
 
     def train(case: Case) -> None:
         granted[case.task.id] = case.steps
         raise CannotLearn("")
 
-    examine(train, seeds=1, steps=asked, twins=0, peeks=False)
-    assert (granted["derail/RiskyPath-v0"], granted["probes/Aim-v0"]) == expected
-    examine(train, suite="probes", tasks=["Echo"], seeds=1, steps=40_000, twins=0, peeks=False)
-    assert granted["probes/Echo-v0"] == 40_000
+    examine(train, seeds=1, twins=0, peeks=False, **terms)
+    assert {name: granted[name] for name in expected} == expected
+    assert {name.partition("/")[0] for name in granted} == {name.partition("/")[0] for name in expected}
 
 
 def _q_learning(case: Case, counts_ends: bool) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +18,19 @@ from taskspec.language.task.schema.experiments import ExamDocument
 from taskspec.language.task.task import Task, TaskLike
 
 Modifiers = tuple[str, ...]
+SUITE = "probes"
+"""The suite of an exam, unless a suite or tasks are named."""
+SUITES = ("derail", "probes")
+"""The suites whose tasks can be named without theirs."""
+
+
+def suites_of(suite: str | None, tasks: Sequence[TaskLike] | None) -> tuple[str, ...]:
+    """Return the suites of an exam: the one that is named, or those in which tasks are looked for, or the probes."""
+    if suite is not None:
+        return (suite,)
+    if tasks is not None:
+        return SUITES
+    return (SUITE,)
 
 
 def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[Task]:
@@ -61,6 +74,14 @@ def described_of(suite: str) -> ExamDocument:
     described = read_exam(path).described
     assert isinstance(described, ExamDocument)
     return described
+
+
+def same_tasks(suite: str) -> Mapping[str, str]:
+    """Return tasks that count as others in the rules of a suite's exam, by their names; none where there is no such suite."""
+    path = file_of(suite, EXAM)
+    if path is None:
+        return {}
+    return read_exam(path).same
 
 
 def exam_id(task: Task) -> str:

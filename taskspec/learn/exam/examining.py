@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -15,14 +16,16 @@ from typing import Any, cast
 import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import duration, plural
 from taskspec.base.extras import machine
+from taskspec.base.jobs.engines import Workers
 from taskspec.base.jobs.running import Running, run
 from taskspec.base.jobs.store import Job, Store
 from taskspec.base.limits import written
 from taskspec.language.modifiers import modify
 from taskspec.language.task.schema.experiments import ExamDocument
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, tasks_of, twins_of
+from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, suites_of, tasks_of, twins_of
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.examinee import Examinee, learner_of
 from taskspec.learn.exam.findings import diagnose, diagnosis_flag, new_diagnoses, undecided
@@ -39,8 +42,8 @@ PEEK_SEEDS = 5
 """Seeds that are tried with a withheld reward negated."""
 EPISODES = 1000
 """For scores that cannot be computed."""
-SUITES = ("derail", "probes")
-"""The suites of an exam, unless one is named."""
+PRINTED = "printed.txt"
+"""The file beside the results that has what the learner printed, the last of each trial."""
 STEPS = 500_000
 """Environment steps of each training run, unless a number is given or the suite's `exam.yaml` has one."""
 
@@ -61,7 +64,10 @@ class Planned:
             kind = f"+{'+'.join(self.twin)}"
         if self.trial.negated:
             kind = " negated"
-        return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
+        first, *others = self.trial.seeds
+        if not others:
+            return f"{self.task.instance_id}{kind}, seed {first}"
+        return f"{self.task.instance_id}{kind}, seeds {first} to {others[-1]}"
 
 
 LOOKS = (4, 17, 30)
@@ -74,17 +80,17 @@ def examine(
     seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     peeks: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
-    laws: bool | None = None,
+    laws: bool | None = None, announce: Callable[[str], None] | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
     Args:
         learner: `"file.py:train"` or `"module:train"`, which is run in other processes, or a function, which is run in this one.
-        suite: whose tasks are asked; derail and probes unless given.
-        tasks: those that are asked instead of all of the suite, by name or as anything that `taskspec.load` takes.
+        suite: whose tasks are asked; probes unless given.
+        tasks: those that are asked instead of all of the suite, by name (in derail or probes, unless a suite is given) or as
+            anything that `taskspec.load` takes.
         seeds: how many, or which; 15 unless given.
         steps: of the environment, for each seed on each task; unless given, those that the suite's `exam.yaml` names, or 500,000.
-            Where neither a suite nor tasks are named, those of `exam.yaml` are the most.
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
         peeks: whether it is tried if a reward that is withheld makes a difference.
@@ -95,6 +101,8 @@ def examine(
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
         laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
+        announce: called with a line about how long it will take, once one seed has been trained on every task; for a learner in
+            other processes of this machine.
 
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
@@ -105,11 +113,9 @@ def examine(
             [Diagnostic("E713", None, "an exam until it is sure chooses its own seeds, and takes its time")]
         )
     numbers = _numbers(seeds, until_sure)
-    for name, number in {"seeds": len(numbers), "steps": steps, "transitions": transitions}.items():
-        if number is not None and number < 1:
-            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+    _check_counts({"seeds": len(numbers), "steps": steps, "transitions": transitions})
     who = learner_of(learner, learns_from)
-    suites = SUITES if suite is None else (suite,)
+    suites = suites_of(suite, tasks)
     asked = {exam_id(task): task for task in tasks_of(suites, tasks)}
     baseline = None
     if against is not None:
@@ -119,9 +125,15 @@ def examine(
     folder = None if out is None else Path(out)
     kept = None if who.place is None else folder
     described = {name: described_of(name) for name in suites}
-    with tempfile.TemporaryDirectory() as scratch, Store((kept or Path(scratch)) / "exam.sqlite") as store:
-        trials = _Trials(who, store, running or Running(), transitions, twins, peeks, described, steps)
-        trials.is_most = suite is None and tasks is None
+    running = running or Running()
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        Store((kept or Path(scratch)) / "exam.sqlite") as store,
+        _processes(who, running) as workers,
+    ):
+        trials = _Trials(who, store, running, transitions, twins, peeks, described, steps)
+        trials.workers = workers
+        trials.kept = kept
         if within is not None:
             found_seeds = _within(within, trials, list(asked.values()), steps)
             numbers = _numbers(found_seeds if seeds is None else seeds, until_sure)
@@ -130,6 +142,8 @@ def examine(
             most = max(trials.granted(task) for task in asked.values())
             check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
         measured = trials.measured(asked)
+        if announce is not None and workers is not None and within is None:
+            announce(trials.estimate(list(asked.values()), numbers, workers.count))
         found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
         declared = getattr(who.train, "obeys", ())
         laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
@@ -141,6 +155,19 @@ def examine(
     if folder is not None:
         write(found, folder)
     return found
+
+
+def _check_counts(counts: Mapping[str, int | None]) -> None:
+    for name, number in counts.items():
+        if number is not None and number < 1:
+            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+
+
+def _processes(who: Examinee, running: Running) -> AbstractContextManager[Workers | None]:
+    """Return the processes of this machine that do all jobs of an exam; none where it is done here, or on a cluster."""
+    if who.place is None or running.cluster is not None:
+        return nullcontext()
+    return Workers(running.workers)
 
 
 def _diagnose(found: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
@@ -237,15 +264,12 @@ class _Trials:
     peeks: bool
     described: Mapping[str, ExamDocument]
     steps: int | None
-    is_most: bool = False
+    workers: Workers | None = None
+    kept: Path | None = None
 
     def granted(self, task: Task) -> int:
-        """Return the steps of a training run on a task; if `is_most`, the number in its suite's `exam.yaml` is the most."""
-        own = self._suite(task).steps
-        granted = self.steps or own or STEPS
-        if self.is_most and own is not None:
-            return min(granted, own)
-        return granted
+        """Return the steps of a training run on a task."""
+        return self.steps or self._suite(task).steps or STEPS
 
     def _suite(self, task: Task) -> ExamDocument:
         return self.described.get(task.source.suite, ExamDocument(exam=1))
@@ -276,13 +300,41 @@ class _Trials:
         trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)
         return Planned(task, twin, trial)
 
+    def estimate(self, asked: Sequence[Task], seeds: tuple[int, ...], processes: int) -> str:
+        """Return in a line how long the exam will take, after trials of the first seeds, which are a part of it."""
+        plan = self.plan(asked, seeds, self.twins, self.peeks)
+        first: dict[str, Planned] = {}
+        for planned in plan:
+            first.setdefault(exam_id(planned.task), planned)
+        rows = self.run(list(first.values()))
+        known = self.store.results(planned.trial.key for planned in plan)
+        training = {}  # seconds of each trial, and what is done once for each form of a task
+        preparing = {}
+        for (name, planned), block in zip(first.items(), rows, strict=True):
+            training[name] = sum(row.get("seconds", 0.0) for row in block)
+            preparing[name] = max(0.0, known[planned.trial.key].seconds - training[name])
+        left = [planned for planned in plan if planned.trial.key not in known]
+        forms = {planned.trial.about.content_hash: exam_id(planned.task) for planned in left}
+        seconds = sum(training[exam_id(planned.task)] for planned in left) + sum(
+            preparing[name] for name in forms.values()
+        )
+        trials = f"{plural(len(plan), 'trial')} of at most {max(map(self.granted, asked)):,} steps"
+        return f"{trials}, {processes} at a time: about {duration(seconds / processes)}"
+
     def run(self, plan: Sequence[Planned]) -> list[list[Row]]:
         """Return rows for each line of the plan; those of a learner that failed have an `error` alone."""
         if self.who.place is None:
             return [_trained_here(planned, self.who) for planned in plan]
         keys = [planned.trial.key for planned in plan]
-        jobs = [Job(key, each.name, run_trial, (each.trial,)) for key, each in zip(keys, plan, strict=True)]
-        done = run(jobs, self.store, self.running, self.who.name)
+        jobs = []
+        for key, planned in zip(keys, plan, strict=True):
+            trial = planned.trial
+            group = trial.about.content_hash
+            jobs.append(Job(key, planned.name, run_trial, (trial,), group, limits_itself=True))
+        printed = None
+        if self.kept is not None:
+            printed = self.kept / PRINTED
+        done = run(jobs, self.store, self.running, self.who.name, self.workers, printed)
         rows = []
         for key, planned in zip(keys, plan, strict=True):
             result = done[key]
@@ -301,9 +353,10 @@ class _Trials:
         for tasks in variants.values():
             for task in tasks:
                 key = key_of("baselines and constants", task.content_hash, EPISODES, written())
-                jobs[task.content_hash] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
+                arguments = (task, EPISODES, written())
+                jobs[task.content_hash] = Job(key, task.instance_id, baselines, arguments, task.content_hash)
         running = replace(self.running, seconds=None, retry=True)
-        known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines")
+        known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines", self.workers)
         for job in jobs.values():
             if known[job.key].status != "done":
                 raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])

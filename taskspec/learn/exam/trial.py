@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import pickle
+import re
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -21,6 +22,7 @@ import numpy as np
 from taskspec.base import __version__
 from taskspec.base.arrays import parts_of
 from taskspec.base.diagnostics import SpecError, TaskspecError
+from taskspec.base.jobs.work import within_limit
 from taskspec.base.limits import also
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
 from taskspec.exact.policies.values import ObservedValue, observed_value, policy_value
@@ -186,7 +188,8 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
         case = Case(results.task, trial.seeds, trial.terms, trial.negated)
         begin = time.perf_counter()
         try:
-            learned = train(case)
+            with within_limit():
+                learned = train(case)
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
             rows = [_scored(policy, case, results, i) for i, policy in enumerate(policies)]
@@ -196,10 +199,28 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
         except CannotLearn as error:
             return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
         except Exception as error:
+            refused = _refused_space(error, case)
+            if refused is not None:
+                return [{"seed": seed, "cannot": refused} for seed in trial.seeds]
             raise LearnerFailed(_words(error, train)) from error
     for i, row in enumerate(rows):
         row |= vars(case.spent_by(i)) | {"seconds": (trained - begin) / len(rows)}
     return rows
+
+
+def _refused_space(error: Exception, case: Case) -> str | None:
+    """Return why a learner is not for the spaces of a task, where it shows that by asking them for what they do not have.
+
+    A learner of discrete actions asks a box for `n`; those of Stable-Baselines3 say themselves what they support.
+    """
+    if isinstance(error, AssertionError) and re.search(r"only supports .* as (action|observation) spaces", str(error)):
+        return str(error)
+    if not isinstance(error, AttributeError):
+        return None
+    for kind, space in (("action", case.action_space), ("observation", case.observation_space)):
+        if error.obj == space:
+            return f"its {kind} space is a {type(space).__name__}, which has no `{error.name}`"
+    return None
 
 
 def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:

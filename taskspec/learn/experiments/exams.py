@@ -15,7 +15,7 @@ from taskspec.language.task.task import Task
 from taskspec.learn.exam import report
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.comparison import compare
-from taskspec.learn.exam.examining import examine
+from taskspec.learn.exam.examining import PRINTED, examine
 from taskspec.learn.exam.results import NAME, Exam, folder_name
 from taskspec.learn.exam.verdicts import by_seed, mean_score
 from taskspec.learn.experiments.experiment_file import ExperimentFile
@@ -82,6 +82,9 @@ class LearnersExamined:
         written: list[Path] = []
         for name, exam in self.exams.items():
             written += [self.folders[name] / NAME, *report.write(exam, self.folders[name])]
+            printed = self.folders[name] / PRINTED
+            if printed.exists():
+                written.append(printed)
         if len(self.exams) > 1:
             written += report.write_several(self.exams, self.folder, chart.possible(["html", "svg"]))
         if self.experiment is not None and chart.is_available() and any(each.varied for each in self.instances):

@@ -16,6 +16,7 @@ import pytest
 from taskspec.base import limits
 from taskspec.base.limits import progress_listener
 from taskspec.exam import Running, examine
+from taskspec.learn.exam.examining import PRINTED
 from tests.learn.learners import counting
 from tests.shared.commands import Done
 
@@ -190,6 +191,36 @@ def test_results_of_other_versions_limits_and_episodes_are_not_reused(
     with monkeypatch.context() as changed:
         changed.setattr("taskspec.learn.exam.examining.EPISODES", 7)
         assert anew(exam) == 2
+
+
+# -- what is said ------------------------------------------------------------------------------------------------
+
+TALKING = """
+import numpy as np
+from taskspec.exam import learns_from
+
+
+@learns_from("reward")
+def train(case):
+    print("this is seed", case.seed)
+    return np.zeros((case.observation_space.n, case.action_space.n))
+"""
+
+
+def test_an_exam_says_how_long_it_takes_and_keeps_what_is_printed(tmp_path: Path) -> None:
+    (tmp_path / "talking.py").write_text(TALKING, encoding="utf-8")
+    announced: list[str] = []
+    found = examine(
+        f"{tmp_path}/talking.py:train", tasks=["Aim", "Hazard"], seeds=2, out=tmp_path / "out",
+        running=Running(workers=1), announce=announced.append, **FIXED,
+    )  # fmt: skip
+    assert len(announced) == 1 and announced[0].startswith("4 trials of at most 9 steps, 1 at a time: about ")
+    printed = (tmp_path / "out" / PRINTED).read_text(encoding="utf-8")
+    assert printed.count("this is seed 0") == printed.count("this is seed 1") == 2
+    assert "-- probes/Hazard-v0, seed 1\nthis is seed 1\n" in printed
+    assert found["tasks"]["probes/Aim-v0"]["cannot"] == "its action space is a Box, which has no `n`"
+    assert {score["task"] for score in found["scores"]} == {"probes/Hazard-v0"}
+    assert found["flags"] == []
 
 
 # -- runs that do not end well ------------------------------------------------------------------------------------
