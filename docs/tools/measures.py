@@ -43,7 +43,6 @@ LOOKS = 78
 """Looks at the policy of PPO, one after every second round of 128 steps."""
 SOLVED = 0.9
 SHOWN = [name for name in MEASURES if name not in ("hidden_bits",)]
-MARKS = {"Q-learning": ("o", chart.BLUE), "PPO": ("s", chart.VERMILION)}
 
 
 def measured(instance: Instance) -> dict[str, float | None]:
@@ -143,11 +142,11 @@ def picture(found: dict[str, dict[str, Correlation]]) -> Chart:
         axes.set_xlim(-1, 1)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.axvline(0, color=chart.MUTED, linestyle="--", linewidth=0.8)
-        for offset, (who, by_measure) in zip((-0.15, 0.15), found.items(), strict=True):
-            marker, color = MARKS[who]
+        for i, (who, by_measure) in enumerate(found.items()):
+            color, _, marker = chart.SERIES[i]
             shown = [by_measure[name] for name in names]
             ends = [[each.value - each.low for each in shown], [each.high - each.value for each in shown]]
-            rows = np.arange(len(names)) + offset
+            rows = np.arange(len(names)) + 0.3 * i - 0.15
             values = [each.value for each in shown]
             axes.errorbar(values, rows, xerr=ends, fmt=marker, color=color, elinewidth=1, label=who)
         axes.set_yticks(range(len(names)), labels)

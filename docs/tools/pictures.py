@@ -2,7 +2,7 @@
 
 - `first-light.svg`, `first-dark.svg`: the spec of `docs/index.md` beside what commands print of it: figure, mathematics, exact
   scores. LaTeX and pdftocairo typeset the mathematics.
-- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository.
+- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `card-narrow-…` for telephones.
 - `paper.svg`, `corrected.svg`: those of all learners, as published and corrected.
 - `recall.png`: the printed page of the task of the tutorial.
 """
@@ -76,7 +76,8 @@ LIGHT = Theme("light", "#ffffff", "#1f2933", "#6b7785", "#0b5cad", {})
 DARK = Theme(
     "dark", "#0d1117", "#e6edf3", "#9aa7b4", "#79b8ff",
     {"#ffffff": "#0d1117", "#1f2933": "#e6edf3", "#6b7785": "#9aa7b4", "#b7e4bf": "#2f6b3c", "#f3a6a0": "#8c3a35",
-     "#d5d9de": "#454c55", chart.BETWEEN: "#18212b", chart.WORSE: "#33231d", chart.BLUE: "#7cc4f0", chart.FAILS: "#f0a070"},
+     "#d5d9de": "#454c55", chart.BETWEEN: "#18212b", chart.WORSE: "#33231d", chart.BLUE: "#7cc4f0", chart.FAILS: "#f0a070",
+     chart.UNSURE: "#a0a9b3"},
 )  # fmt: skip
 
 
@@ -186,12 +187,12 @@ def recolored(svg: str, theme: Theme) -> str:
     return svg
 
 
-def card() -> str:
+def card(*options: str) -> str:
     """Return the report of an exam as a picture."""
     with tempfile.TemporaryDirectory() as name:
-        run(["report", str(ROOT / EXAMINED), "-f", "svg", "-o", name], ROOT)
-        (drawn,) = Path(name).glob("*.svg")
-        return drawn.read_text(encoding="utf-8")
+        path = Path(name) / "card.svg"
+        run(["report", str(ROOT / EXAMINED), "-o", str(path), *options], ROOT)
+        return path.read_text(encoding="utf-8")
 
 
 def matrix(family: str) -> str:
@@ -221,9 +222,9 @@ def main() -> None:
     mathematics = typeset(shown.formulas)
     for theme in (LIGHT, DARK):
         (PICTURES / f"first-{theme.name}.svg").write_text(first(shown, mathematics, theme), encoding="utf-8")
-    drawn = card()
-    for theme in (LIGHT, DARK):
-        (PICTURES / f"card-{theme.name}.svg").write_text(recolored(drawn, theme), encoding="utf-8")
+    for stem, drawn in {"card": card(), "card-narrow": card("--narrow")}.items():
+        for theme in (LIGHT, DARK):
+            (PICTURES / f"{stem}-{theme.name}.svg").write_text(recolored(drawn, theme), encoding="utf-8")
     for family in FAMILIES:
         (PICTURES / f"{family}.svg").write_text(matrix(family), encoding="utf-8")
     (PICTURES / "recall.png").write_bytes(tutorial())

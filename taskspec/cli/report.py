@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from taskspec.cli.console import misuse, say_written, write_json
-from taskspec.cli.options import Json, folder_option, formats_option, split_names
+from taskspec.cli.options import Json, formats_option, split_names
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
 Folders = Annotated[list[Path], Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.")]
@@ -29,8 +29,24 @@ def report(
     ] = None,
     output: Annotated[
         Path | None,
-        folder_option("Where to write: the exam's own folder, or build/report for several, unless given."),
+        Option(
+            "--output",
+            "--out",
+            "-o",
+            metavar="PATH",
+            help="A folder, or a file such as card.svg, whose ending is the format; the exam's own folder, or build/report "
+            "for several, unless given.",
+        ),
     ] = None,
+    paper: Annotated[
+        bool,
+        Option(
+            "--paper", help="Write pictures for one column (8.4 cm) and two columns (17 cm) of a paper, PDF and SVG."
+        ),
+    ] = False,
+    narrow: Annotated[
+        bool, Option("--narrow", help="Draw the card as narrow as a telephone; --output names the picture.")
+    ] = False,
     findings: Suite = None,
     json: Json = False,
 ) -> None:
@@ -44,7 +60,6 @@ def report(
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     from taskspec.learn.exam.card_text import print_exams
-    from taskspec.learn.exam.report import write_several
     from taskspec.learn.exam.results import exams_below, read
 
     places = [place for folder in folders for place in exams_below(folder)]
@@ -57,15 +72,39 @@ def report(
         if exam["learner"] in exams:
             raise misuse("two of these exams are of the same learner", "give one exam of each")
         exams[exam["learner"]] = exam
-    folder = Path("build/report")
-    if len(places) == 1 and places[0].is_dir():
+    folder = output or Path("build/report")
+    if output is None and len(places) == 1 and places[0].is_dir():
         folder = places[0]
-    written = write_several(exams, output or folder, split_names(format))
+    written = _write(exams, folder, output is not None, split_names(format), paper, narrow)
     if json:
         write_json({"exams": list(exams.values()), "files": list(map(str, written))})
         return
     print_exams(exams)
     say_written(written)
+
+
+def _write(
+    exams: dict[str, Any], place: Path, is_named: bool, formats: list[str], paper: bool, narrow: bool
+) -> list[Path]:
+    """Write reports to a folder or a file; where one was named and no format, the page."""
+    from taskspec.learn.exam.report import write_file, write_paper, write_several
+
+    is_file = is_named and place.suffix[1:] in FORMATS and not place.is_dir()
+    if is_file and (formats or paper):
+        raise misuse(f"'{place}' is one file, of the format that its ending says", "give a folder")
+    if narrow and not (is_file and len(exams) == 1):
+        raise misuse("--narrow is for the card of one exam in a file", "-o card.svg")
+    if paper and len(exams) > 1:
+        raise misuse("--paper is for one exam", "give one")
+    if is_file:
+        return [write_file(exams, place, narrow)]
+    written = []
+    if paper:
+        (exam,) = exams.values()
+        written += write_paper(exam, place)
+    elif is_named and not formats:
+        formats = ["html"]
+    return [*written, *write_several(exams, place, formats)]
 
 
 def _report_findings(suite: str, places: list[Path], output: Path, json: bool) -> None:

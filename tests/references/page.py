@@ -107,15 +107,16 @@ def draw(found: Sequence[Compared]) -> None:
         figure = chart.figure(2.4 * len(found), 2.2, layout="constrained")
         for i, each in enumerate(found):
             axes = figure.add_subplot(1, len(found), i + 1)
-            for runs, label, color in ((each.ours, "ours", chart.BLUE), (each.theirs, each.library, chart.VERMILION)):
+            both = ((each.ours, "ours"), (each.theirs, each.library))
+            for (runs, label), (color, dash, _) in zip(both, chart.SERIES, strict=False):
                 low, high = zip(*(_interval(column) for column in runs.curves.T), strict=True)
-                axes.plot(runs.steps, runs.curves.mean(axis=0), color=color, label=label)
-                axes.fill_between(runs.steps, low, high, color=color, alpha=0.2, linewidth=0)
+                axes.plot(runs.steps, runs.curves.mean(axis=0), color=color, linestyle=dash, label=label)
+                chart.band(axes, runs.steps, low, high, color)
             axes.axhline(1, color=chart.MUTED, linestyle=":", linewidth=0.8)
             axes.set_title(f"{NAMES[each.learner]}, {task_name(each.task)}", fontsize=8)
             axes.set_xlabel("steps")
             axes.set_xticks([runs.steps[-1]], [f"{runs.steps[-1] / 1000:.0f}k"])
-            axes.legend(fontsize=6.5)
             if i == 0:
-                axes.set_ylabel("score: random 0, expert 1")
+                axes.set_ylabel(chart.SCORE)
+        chart.key_below(figure, 4)
     chart.save(chart.Chart(figure, "Learning curves, ours and those of other libraries"), PICTURE)

@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.base.display import duration, fixed, listed, plural
+from taskspec.exact.rules.score_rules import short_name
+from taskspec.learn.exam.asked_tasks import same_tasks
 from taskspec.learn.exam.learned import learned_notes
 from taskspec.learn.exam.score_rows import PUBLISHED, TaskRow, task_name, task_rows
 from taskspec.learn.exam.verdicts import FEWEST
@@ -81,6 +83,7 @@ class Card:
         learner: its name.
         suite: the suite of the exam.
         terms: what it learned from, steps and seeds.
+        steps: of each training run, in words.
         lead: what fails, or else what is flagged, in a sentence.
         advice: the nearest known mistake, and what to do.
         passed: the tasks that are passed.
@@ -97,6 +100,7 @@ class Card:
     learner: str
     suite: str
     terms: str
+    steps: str
     lead: str
     advice: str
     passed: str
@@ -127,16 +131,17 @@ def card(exam: Mapping[str, Any]) -> Card:
         learner=exam["learner"],
         suite=exam["suite"],
         terms=f"learns from {source}; {exam['steps']:,} steps, {plural(len(exam['seeds']), 'seed')}",
+        steps=f"{exam['steps']:,}",
         lead=lead,
         advice=advice,
         passed=_passed(passed),
         tasks=tuple(tasks),
         rows=tuple(rows or passed),
         others=tuple(passed if rows else ()),
-        diagnoses=tuple(exam["diagnoses"]),
+        diagnoses=tuple(_as_run(exam)),
         flags=tuple(flag_lines(exam["flags"])),
         laws=tuple(exam.get("laws") or ()),
-        notes=tuple(_notes(exam)),
+        notes=tuple(_notes(exam, is_right=not rows and not exam["diagnoses"])),
         facts=_facts(exam),
     )
 
@@ -152,9 +157,24 @@ def _word(exam: Mapping[str, Any], row: TaskRow) -> str:
     return row.grade
 
 
-def _notes(exam: Mapping[str, Any]) -> list[str]:
+def _as_run(exam: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield diagnoses whose evidence has the names of the tasks that were run, where a rule means them by another."""
+    run = set(map(short_name, exam["tasks"]))
+    names = {}
+    for suite in exam["suite"].split(" and "):
+        for own, other in same_tasks(suite).items():
+            if own in run and other not in run:
+                names[other] = own
+    for diagnosis in exam["diagnoses"]:
+        evidence = [re.sub(r"\w+", lambda word: names.get(word[0], word[0]), text) for text in diagnosis["evidence"]]
+        yield {**diagnosis, "evidence": evidence}
+
+
+def _notes(exam: Mapping[str, Any], is_right: bool) -> list[str]:
+    """Return what is undecided and left out, and what was learned, where nothing else says that something is wrong."""
     notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
-    notes += learned_notes(exam["scores"])
+    if is_right:
+        notes += learned_notes(exam["scores"])
     for task, about in exam["tasks"].items():
         if about.get("cannot"):
             notes.append(f"it cannot learn {task_name(task)}: {about['cannot']}")

@@ -16,7 +16,11 @@ from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, 
 from taskspec.learn.exam.verdicts import MASTERED
 
 GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
-KEY = "● as published  ○ relabelled  | best fixed action  ◂ below −1  ┊ 0.9; 0 is random, 1 the expert"
+BOTH = "as published and relabelled"
+CLIPPED = "below −1"
+RANDOM = "random actions: 0"
+MARKS = {PUBLISHED: "●", RELABELLED: "○", BOTH: "◉", FIXED: "◆", CLIPPED: "◂", RANDOM: "│", str(MASTERED): "┊"}
+"""The marks of a strip; each means one thing."""
 NARROWEST = 15  # the least width of a strip
 WIDEST = 41
 Printed = VisibleText | Columns | str
@@ -65,8 +69,9 @@ def card_text(shown: Card, width: int) -> Iterator[Printed]:
         if text:
             yield VisibleText(text, style=style)
     yield ""
-    yield _strips(shown, width)
-    yield VisibleText(KEY, style="quiet")
+    table, drawn = _strips(shown, width)
+    yield table
+    yield VisibleText("  ".join(f"{mark} {meaning}" for meaning, mark in MARKS.items() if mark in drawn), style="quiet")
     for each in shown.diagnoses:
         yield ""
         yield VisibleText(nearest(each), style="warn")
@@ -110,8 +115,8 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
     return table
 
 
-def _strips(shown: Card, width: int) -> Columns:
-    """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass."""
+def _strips(shown: Card, width: int) -> tuple[Columns, str]:
+    """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass; and all strips as a text."""
     forms = forms_of(shown.rows)
     heads = [form.replace(" ", "\n") for form in forms]
     names = max((len(row.name) for row in shown.rows), default=0)
@@ -126,15 +131,18 @@ def _strips(shown: Card, width: int) -> Columns:
         "", "", header, *heads, "seeds\npass", right=range(3, last + 1), names=1,
         spare=(last, *(3 + forms.index(form) for form in (SAMPLED, FIXED) if form in forms)),
     )  # fmt: skip
+    drawn = ""
     for row in shown.rows:
         style = GRADES.get(row.grade or "fails", "bad")
+        strip = _strip(row, marks, style)
+        drawn += strip.plain
         numbers = [VisibleText(row.forms[form].words, style=style if form == PUBLISHED else "") for form in forms]
-        table.add_row(VisibleText(row.sign, style=style), row.name, _strip(row, marks, style), *numbers, row.passed)
-    return table
+        table.add_row(VisibleText(row.sign, style=style), row.name, strip, *numbers, row.passed)
+    return table, drawn
 
 
 def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
-    """Return the scores of a task as marks on an axis: relabelled ○ joined to published ●, and | for the best fixed action."""
+    """Return the scores of a task as marks on an axis; those of the relabelled task are joined to the published ones."""
 
     def place(score: float) -> int:
         share = (min(max(score, FLOOR), 1.0) - FLOOR) / (1.0 - FLOOR)
@@ -142,22 +150,25 @@ def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
 
     cells = [" "] * (width // 2) + ["·"] * (width - width // 2)
     styles = ["quiet"] * width
-    cells[place(0.0)] = "│"
-    cells[min(place(MASTERED), width - 2)] = "┊"
+    cells[place(0.0)] = MARKS[RANDOM]
+    cells[min(place(MASTERED), width - 2)] = MARKS[str(MASTERED)]
     means = row.means
     if FIXED in means:
-        cells[place(means[FIXED])] = "|"
+        cells[place(means[FIXED])] = MARKS[FIXED]
     ends = sorted(place(means[form]) for form in (PUBLISHED, RELABELLED) if form in means)
     for i in range(ends[0], ends[-1] + 1) if len(ends) == 2 else ():
         cells[i] = "─"
         styles[i] = style
-    for form, mark in ((RELABELLED, "○"), (PUBLISHED, "●")):
-        if form in means:
-            if means[form] >= FLOOR:
-                cells[place(means[form])] = mark
-            else:
-                cells[place(means[form])] = "◂"
-            styles[place(means[form])] = style
+    for form in (RELABELLED, PUBLISHED):
+        if form not in means:
+            continue
+        mark = MARKS[form]
+        if len(ends) == 2 and ends[0] == ends[1]:
+            mark = MARKS[BOTH]
+        if means[form] < FLOOR:
+            mark = MARKS[CLIPPED]
+        cells[place(means[form])] = mark
+        styles[place(means[form])] = style
     text = VisibleText()
     for cell, own in zip(cells, styles, strict=True):
         text.append(cell, own)

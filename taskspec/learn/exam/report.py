@@ -14,7 +14,7 @@ from taskspec.base.display import interval, plural
 from taskspec.base.extras import install
 from taskspec.base.files import whole, write_text
 from taskspec.envs.data.datasets import write_table
-from taskspec.learn.exam import card_charts
+from taskspec.learn.exam import card_charts, card_picture, matrix_charts
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
 from taskspec.learn.exam.score_rows import TaskRow, forms_of
 from taskspec.show.figures import chart
@@ -65,31 +65,66 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
         SpecError: as `write`.
     """
     place = Path(folder)
-    cards = {name: card(exam) for name, exam in exams.items()}
+    if len(exams) == 1:
+        stem = "report"
+    else:
+        stem = "learners"
     written = []
     for name in _known(formats):
         if name == "parquet":
-            written.append(write_scores(exams, place / "scores.parquet"))
-        elif name == "html":
-            written.append(_write_page(cards, place))
-        elif len(cards) == 1:
-            (shown,) = cards.values()
-            written.append(chart.save(card_charts.picture(shown), place / f"report.{name}"))
+            written.append(write_file(exams, place / "scores.parquet"))
+        elif name == "html" or len(exams) == 1:
+            written.append(write_file(exams, place / f"{stem}.{name}"))
         else:
-            for stem, drawn in card_charts.of_several(matrix(cards)):
-                written.append(chart.save(drawn, place / f"{stem}.{name}"))
+            cards = {learner: card(exam) for learner, exam in exams.items()}
+            for part, drawn in matrix_charts.of_several(matrix(cards)):
+                written.append(chart.save(drawn, place / f"{part}.{name}"))
     return written
 
 
-def _write_page(cards: Mapping[str, Card], folder: Path) -> Path:
-    if len(cards) == 1:
-        (shown,) = cards.values()
-        path = folder / "report.html"
+def write_file(exams: Mapping[str, Mapping[str, Any]], path: Path, is_narrow: bool = False) -> Path:
+    """Write exams into one file: a page, a picture or a table; of several learners, the picture is their matrix.
+
+    Args:
+        exams: what `exam.json` holds, by what the learner is called.
+        path: its ending is one of `FORMATS`.
+        is_narrow: whether the card of one learner is as narrow as a telephone.
+
+    Raises:
+        SpecError: as `write`.
+    """
+    (name,) = _known([path.suffix[1:]])
+    if name == "parquet":
+        return write_scores(exams, path)
+    cards = {learner: card(exam) for learner, exam in exams.items()}
+    if len(cards) > 1:
+        if name == "html":
+            write_text(path, page_of_several(matrix(cards)))
+            return path
+        return chart.save(matrix_charts.table(matrix(cards)), path)
+    (shown,) = cards.values()
+    if name == "html":
         write_text(path, page(shown))
+        return path
+    if is_narrow:
+        layout = card_picture.NARROW
     else:
-        path = folder / "learners.html"
-        write_text(path, page_of_several(matrix(cards)))
-    return path
+        layout = card_picture.WIDE
+    return chart.save(card_picture.picture(shown, layout), path)
+
+
+def write_paper(exam: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write the scores of an exam as pictures for one column and for two columns of a paper, as PDF and SVG.
+
+    Raises:
+        SpecError: as `write`.
+    """
+    shown = card(exam)
+    written = []
+    for stem, layout in card_picture.PAPER.items():
+        for suffix in ("pdf", "svg"):
+            written.append(chart.save(card_picture.picture(shown, layout), folder / f"{stem}.{suffix}"))
+    return written
 
 
 def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:

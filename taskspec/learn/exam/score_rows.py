@@ -106,10 +106,12 @@ class TaskRow:
 
     @property
     def passed(self) -> str:
-        """The number of seeds that pass as published, of all: `13/15`."""
+        """The number of seeds that pass, of all, as published or relabelled, where fewer do: `13/15`."""
         if not self.printed.scores:
             return ""
-        return f"{sum(score >= MASTERED for score in self.printed.scores)}/{len(self.printed.scores)}"
+        cells = [self.forms[form].scores for form in (PUBLISHED, RELABELLED) if self.forms[form].scores]
+        fewest = min(cells, key=lambda scores: sum(score >= MASTERED for score in scores) / len(scores))
+        return f"{sum(score >= MASTERED for score in fewest)}/{len(fewest)}"
 
     @property
     def means(self) -> dict[str, float]:
@@ -124,9 +126,9 @@ class TaskRow:
 
     @property
     def rank(self) -> tuple[int, float]:
-        """Sort key: runs that failed, then the worst verdicts, then the lowest scores."""
+        """Sort key: the worst verdicts, then the lowest scores; last the runs that raised an error."""
         if self.grade is None:
-            return -1, 0.0
+            return len(WORST_FIRST), 0.0
         return WORST_FIRST.index(self.grade), self.worst[0]
 
 

@@ -27,12 +27,6 @@ LINES: dict[str, tuple[str, str, str]] = {
     "random": (chart.VERMILION, "-.", "random actions"), "worst": (chart.INK, ":", "worst"),
 }  # fmt: skip
 """Colour, dashes and words for returns from theory."""
-OTHERS = (
-    (chart.BLUE, "-"), (chart.VERMILION, "--"), (chart.GREEN, "-."), (chart.PURPLE, "-"), (chart.ORANGE, "--"), (chart.INK, ":"),
-)  # fmt: skip
-"""Colours and dashes of learners and measures."""
-MARKERS = "osD^v"
-"""Of policies that are rolled out."""
 SHOWN = ("optimal", "expert", "random")
 MAPPED = ("optimal", "random")
 MOST_NUMBERS = 60
@@ -80,18 +74,8 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
                 _curves(axes, panel, experiment)
             else:
                 _map(axes, panel, panel.y)
-        _legend(drawn, 2 * across)
+        chart.key_below(drawn, 2 * across)
     return Chart(drawn, f"{title}: {', '.join(panel.title for panel in panels)}")
-
-
-def _legend(figure: Any, columns: int) -> None:
-    """Name each kind of line once, below all panels."""
-    entries = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries[label] = handle
-    if entries:
-        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
 
 
 @dataclass(frozen=True)
@@ -181,7 +165,7 @@ def _curves(axes: Any, panel: _Panel, experiment: Experiment) -> None:
     axes.margins(0.05)
     axes.set_xlabel(panel.x or "")
     if panel.scored:
-        axes.set_ylabel("score: random 0, expert 1")
+        axes.set_ylabel(chart.SCORE)
     elif set(panel.show) <= set(LINES):
         axes.set_ylabel("return")
     chart.numbers(axes.yaxis, is_log)
@@ -194,12 +178,12 @@ def _curves(axes: Any, panel: _Panel, experiment: Experiment) -> None:
 
 
 def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
-    spare = itertools.cycle(OTHERS)
+    spare = itertools.cycle(chart.SERIES)
     for name in panel.show:
         if name in LINES:
             color, dash, label = LINES[name]
         else:
-            color, dash = next(spare)
+            color, dash, _ = next(spare)
             label = name
         values = np.array([_number(row.values.get(name)) for row in rows])
         halves = np.nan_to_num([_number(row.values.get(f"{name}_half")) for row in rows])
@@ -222,20 +206,13 @@ def _line(axes: Any, curve: _Curve, is_log: bool) -> None:
         axes.errorbar(curve.xs, values, yerr=curve.halves, color=curve.look["color"], capsize=2)
         return
     low = values - curve.halves
-    axes.fill_between(
-        curve.xs,
-        low,
-        values + curve.halves,
-        where=~is_log | (low > 0),
-        color=curve.look["color"],
-        alpha=0.2,
-        linewidth=0,
-    )
+    high = values + curve.halves
+    chart.band(axes, curve.xs, low, high, curve.look["color"], where=~is_log | (low > 0))
 
 
 def _rollouts(rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
     names = dict.fromkeys(name for row in rows for name in row.policies)
-    for name, marker in zip(names, itertools.cycle(MARKERS), strict=False):
+    for name, (_, _, marker) in zip(names, itertools.cycle(chart.SERIES), strict=False):
         known = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
         means = np.array([_number(each.get("mean")) for _, each in known])
         halves = np.nan_to_num([_number(each.get("half")) for _, each in known])

@@ -30,8 +30,15 @@ VERMILION = "#d55e00"
 GREEN = "#009e73"
 PURPLE = "#cc79a7"
 ORANGE = "#e69f00"
+SERIES = (
+    (BLUE, "-", "o"), (VERMILION, "--", "s"), (GREEN, "-.", "D"), (PURPLE, "-", "^"), (ORANGE, "--", "v"), (INK, ":", "o"),
+)  # fmt: skip
+"""Colours, dashes and marks of learners and measures in one picture."""
+SCORE = "score: random 0, expert 1"
+"""The label of an axis of scores."""
 # Verdicts, and backgrounds of scores.
 FAILS = "#b8400a"
+UNSURE = "#5c6773"
 WORSE = "#f6ece6"
 BETWEEN = "#eef2f5"
 TINT_MASTERS = "#d3e6f4"
@@ -39,12 +46,14 @@ TINT_UNSURE = "#e6e9ec"
 TINT_FAILS = "#f8d5c2"
 TINT_NONE = "#f6f6f4"
 VARIABLES = {
-    INK: "ink", MUTED: "muted", FAINT: "faint", PAPER: "paper", BLUE: "masters", FAILS: "fails-ink", WORSE: "worse",
-    BETWEEN: "between",
+    INK: "ink", MUTED: "muted", FAINT: "faint", PAPER: "paper", BLUE: "masters", FAILS: "fails-ink", UNSURE: "unsure",
+    WORSE: "worse", BETWEEN: "between",
 }  # fmt: skip
 """The CSS variables that have a colour's value on light and on dark paper."""
 FORMATS = ("svg", "png", "pdf")
 DPI = 200
+SMALLEST = 7
+"""The least size of letters, in points."""
 LETTER = 0.075
 """The width of a letter of a tick label, in inches."""
 STYLE: dict[str, Any] = {
@@ -228,6 +237,29 @@ def labelled(axes: Any, places: Sequence[float], names: Sequence[str], width: fl
             label.set_horizontalalignment("right")
 
 
+def band(axes: Any, xs: Any, low: Any, high: Any, color: str, **where: Any) -> None:
+    """Draw an interval along a curve.
+
+    Args:
+        axes: where to draw.
+        xs: places on the x axis.
+        low, high: ends of the interval at each of them.
+        color: of the curve.
+        where: further arguments of `fill_between`.
+    """
+    axes.fill_between(xs, low, high, color=color, alpha=0.2, linewidth=0, **where)
+
+
+def key_below(figure: Any, columns: int) -> None:
+    """Name each kind of line of a figure once, below all its panels."""
+    entries = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries[label] = handle
+    if entries:
+        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
+
+
 def heat_map(axes: Any, cells: np.ndarray, has_numbers: bool) -> None:
     """Draw numbers as colours, from dark to bright, beside a bar of the colours; far apart, by their logarithms.
 
@@ -261,7 +293,13 @@ def heat_map(axes: Any, cells: np.ndarray, has_numbers: bool) -> None:
         if np.isfinite(value):
             color = _readable(palette(norm(value)))
             axes.text(
-                j + 0.5, i + 0.5, number(float(f"{value:.3g}")), ha="center", va="center", fontsize=6, color=color
+                j + 0.5,
+                i + 0.5,
+                number(float(f"{value:.3g}")),
+                ha="center",
+                va="center",
+                fontsize=SMALLEST,
+                color=color,
             )
 
 

@@ -14,7 +14,7 @@ from taskspec.base.extras import need
 from taskspec.exact import Results
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.card import Card, card
-from taskspec.learn.exam.card_charts import picture
+from taskspec.learn.exam.card_picture import picture
 from taskspec.show.figures import chart, drawing
 from taskspec.show.pages import page
 

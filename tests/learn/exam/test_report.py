@@ -17,11 +17,12 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
+from docs.tools.pictures import DARK, LIGHT, Theme, recolored
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import duration
 from taskspec.exam import read
 from taskspec.learn.exam import card_charts as pictures
-from taskspec.learn.exam import findings, report
+from taskspec.learn.exam import card_picture, findings, matrix_charts, report
 from taskspec.learn.exam.card import card, matrix
 from taskspec.learn.exam.card_text import print_exams
 from taskspec.learn.exam.score_rows import FLOOR, RELABELLED, task_rows
@@ -81,10 +82,11 @@ def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> N
 
 def test_the_first_line_has_scores_and_the_second_one_the_nearest_mistake(results: dict[str, Any]) -> None:
     shown = card(results)
-    assert shown.lead.startswith("Fails Sort (it raised an error), EarlyTermNeg −1.70") and "reward" not in shown.lead
+    assert shown.lead.startswith("Fails EarlyTermNeg −1.70, ") and "reward" not in shown.lead
+    assert shown.lead.endswith(" and Sort (it raised an error).")
     mistake = "Nearest known mistake: prolongs episodes: its learned reward is positive."
     assert shown.advice == f'{mistake} Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
-    assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
+    assert [row.name for row in shown.rows] == ["EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs", "Sort"]
     assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96."
 
 
@@ -131,7 +133,7 @@ def test_the_terminal_shows_all_of_it(
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "Passed: EarlyTermPos 1.00, Parabola 0.96." in lines
     (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
-    assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
+    assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 0/14")
     (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
     assert "◂" in early and "−1.70 1.00" in early
     assert any(line.startswith("nearest known mistake: prolongs episodes: its learned reward") for line in lines)
@@ -211,33 +213,67 @@ def labels(drawn: Chart) -> list[str]:
     return [text for text, _ in texts(drawn.figure)]
 
 
-def test_the_picture_has_every_seed_and_the_mean_of_the_data(results: dict[str, Any]) -> None:
-    figure = pictures.picture(card(results)).figure
-    rows = card(results).rows
-    shown = [text for text, _ in texts(figure)]
+LAYOUTS = {"wide": card_picture.WIDE, "narrow": card_picture.NARROW, **card_picture.PAPER}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_the_picture_has_every_seed_and_the_mean_of_the_data(
+    results: dict[str, Any], layout: card_picture.Layout
+) -> None:
+    shown = card(results)
+    rows = [row for row in shown.tasks if row.printed.scores or (layout.has_words and row in shown.rows)]
+    rows = [row for row in rows if not layout.has_words or row in shown.rows]
+    figure = card_picture.picture(shown, layout).figure
+    written = [text for text, _ in texts(figure)]
     for row in rows:
-        assert row.printed.words in shown and row.name in shown
-    strips = figure.axes[0]
-    seeds = [
-        line.get_xdata()
-        for line in strips.lines
-        if line.get_marker() == "o" and line.get_alpha() and len(line.get_xdata())
-    ]
-    drawn = sorted(score for scores in seeds for score in scores)
+        assert row.name in written and any(text.startswith(row.printed.words) for text in written)
+    size = pictures.MARKS["one seed"]["markersize"]
+    lines = [line for axes in figure.axes for line in axes.lines if line.get_markersize() == size]
+    drawn = sorted(score for line in lines for score in line.get_xdata())
     assert drawn == pytest.approx(sorted(max(score, -1) for row in rows for score in row.printed.scores))
+    assert_legible(figure)
 
 
-def test_no_words_of_a_picture_overlap(results: dict[str, Any]) -> None:
-    for drawn in (
-        pictures.picture(card(results)),
-        pictures.table(matrix(dict.fromkeys(("one", "two"), card(results)))),
-    ):
-        assert_legible(drawn.figure)
+def test_pictures_for_papers_have_the_width_of_a_column_and_letters_of_seven_points(
+    results: dict[str, Any], tmp_path: Path
+) -> None:
+    written = report.write_paper(results, tmp_path)
+    assert [path.name for path in written] == [
+        "paper-one-column.pdf", "paper-one-column.svg", "paper-two-columns.pdf", "paper-two-columns.svg",
+    ]  # fmt: skip
+    for path, centimetres in ((written[1], 8.4), (written[3], 17.0)):
+        text = path.read_text(encoding="utf-8")
+        width = re.search(r'<svg[^>]* width="([\d.]+)pt"', text)
+        assert width is not None and float(width[1]) == pytest.approx(centimetres / 2.54 * 72)
+        sizes = [float(size) for size in re.findall(r"font-size: ([\d.]+)px", text)]
+        assert sizes and min(sizes) >= 7
+        assert text.count("14 seeds; 0") == 1
+
+
+def luminance(color: str) -> float:
+    """The relative luminance of WCAG 2.2."""
+    parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
+def test_seeds_can_be_seen_on_light_and_on_dark_paper(theme: Theme) -> None:
+    for color in pictures.GRADES.values():
+        for ground in (chart.WORSE, chart.BETWEEN):
+            if (color, ground) == (chart.BLUE, chart.WORSE):  # what is worse than random masters nothing
+                continue
+            one, other = sorted(luminance(recolored(each, theme)) for each in (color, ground))
+            assert (other + 0.05) / (one + 0.05) >= 4.5
+
+
+def test_no_words_of_a_matrix_overlap(results: dict[str, Any]) -> None:
+    assert_legible(matrix_charts.table(matrix(dict.fromkeys(("one", "two"), card(results)))).figure)
 
 
 def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
     exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": [-1.7, -3.1] * 7 + [-2.4]})}
-    drawn = dict(pictures.of_several(matrix({name: card(each) for name, each in exams.items()})))
+    drawn = dict(matrix_charts.of_several(matrix({name: card(each) for name, each in exams.items()})))
     assert "−2.40" in labels(drawn["table"]) and "−1.00" not in labels(drawn["table"])
     assert labels(drawn["learner-GAIL"]).count("−2.40") == 2
 
@@ -254,9 +290,9 @@ def test_the_matrix_has_the_verdict_as_colour_and_as_word() -> None:
         "fails",
     ]
     assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade is None
-    fills = pictures.table(found).figure.axes[0].collections
+    fills = matrix_charts.table(found).figure.axes[0].collections
     filled = fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")].get_facecolor()
-    assert to_hex(filled[0]) == pictures.TINTS["fails"]
+    assert to_hex(filled[0]) == matrix_charts.TINTS["fails"]
     page = report.page_of_several(found)
     assert "−3.00" in page and "earest known mistake: prolongs episodes: its learned reward is positive" in page
 
@@ -307,6 +343,26 @@ def test_the_command_shows_an_exam_again_and_draws_it(results: dict[str, Any], t
     done = Done("report", folder, "--format", "html,svg")
     assert done.status == 0 and "EarlyTermNeg" in done.out and "report.svg" in done.out
     assert (folder / "report.html").is_file() and (folder / "report.svg").is_file()
+
+
+def test_the_command_writes_the_file_that_is_named(results: dict[str, Any], tmp_path: Path) -> None:
+    folder = stored(tmp_path / "im", results)
+    for arguments in (["-o", "a.svg"], ["-o", "a.svg"], ["-o", "b.png", "--narrow"], ["-o", "c.html"]):
+        place = tmp_path / arguments[1]
+        assert Done("report", folder, "-o", place, *arguments[2:]).status == 0
+        assert place.is_file()
+    assert Done("report", folder, "-o", tmp_path / "new").status == 0
+    assert (tmp_path / "new" / "report.html").is_file()
+    for arguments in (["-o", "a.svg", "-f", "png"], ["-o", "a.svg", "--paper"], ["--narrow"]):
+        assert Done("report", folder, *arguments).status == 2
+
+
+def test_evidence_has_the_names_of_the_tasks_that_were_run() -> None:
+    shown = card(read(RESULTS / "gail_im"))
+    run = {row.name for row in shown.tasks}
+    for diagnosis in shown.diagnoses:
+        for name in re.findall(r"(?:score|sampled)\((\w+)\)", " ".join(diagnosis["evidence"])):
+            assert name in run
 
 
 def test_the_command_puts_learners_side_by_side(tmp_path: Path) -> None:
@@ -436,5 +492,5 @@ def test_numerals_are_the_means_of_the_data() -> None:
     found = matrix({name: card(each) for name, each in exams.items()})
     page = report.page_of_several(found)
     assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
-    drawn = [text for text in labels(pictures.table(found)) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
+    drawn = [text for text in labels(matrix_charts.table(found)) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
     assert sorted(drawn) == sorted(x.replace("−0.00", "0.00") for x in expected)
