@@ -32,7 +32,7 @@ Steps = Annotated[
     Option(
         "--steps",
         metavar="N",
-        help="Environment steps of each training run; 10k on probes unless given, 500k elsewhere.",
+        help="Environment steps of each training run; 500k unless given, 10k on probes.",
     ),
 ]
 Transitions = Annotated[

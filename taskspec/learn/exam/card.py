@@ -126,6 +126,7 @@ def card(exam: Mapping[str, Any]) -> Card:
     rows = sorted((row for row in run if row.grade not in PASSING or row.id in flagged), key=lambda row: row.rank)
     passed = [row for row in run if row not in rows]
     lead, advice = _lead(exam, rows, passed)
+    is_wrong = bool(exam["diagnoses"]) or any(row.grade in ("fails", None) for row in rows)
     source = " and ".join(exam["learns_from"]) or "nothing"
     return Card(
         learner=exam["learner"],
@@ -141,7 +142,7 @@ def card(exam: Mapping[str, Any]) -> Card:
         diagnoses=tuple(_as_run(exam)),
         flags=tuple(flag_lines(exam["flags"])),
         laws=tuple(exam.get("laws") or ()),
-        notes=tuple(_notes(exam, is_right=not rows and not exam["diagnoses"])),
+        notes=tuple(_notes(exam, is_wrong=is_wrong)),
         facts=_facts(exam),
     )
 
@@ -170,10 +171,10 @@ def _as_run(exam: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         yield {**diagnosis, "evidence": evidence}
 
 
-def _notes(exam: Mapping[str, Any], is_right: bool) -> list[str]:
+def _notes(exam: Mapping[str, Any], is_wrong: bool) -> list[str]:
     """Return what is undecided and left out, and what was learned, where nothing else says that something is wrong."""
     notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
-    if is_right:
+    if not is_wrong:
         notes += learned_notes(exam["scores"])
     for task, about in exam["tasks"].items():
         if about.get("cannot"):
