@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.ids import InstanceId
-from taskspec.envs.data.episodes import demonstrations
+from taskspec.envs.data.episodes import recorded
 from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.language import registry
 from taskspec.language.modifiers import keeps_observers, modify
@@ -142,9 +142,10 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 
 
 def _expert_actions(task: Task, way: str, seed: int) -> Array:
-    twin = modify(task, way.format(seed=seed))
+    twin = registry.role(modify(task, way.format(seed=seed)), "expert")
     if twin.annotations.expert is None:
         policy = "optimal"
     else:
         policy = "expert"
-    return np.asarray(demonstrations(twin, policy, episodes=SHOWN).acts)
+    shown = recorded(twin, policy, episodes=SHOWN, transitions=None, seed=0, jobs=1)
+    return np.asarray(shown.acts)
