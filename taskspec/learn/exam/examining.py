@@ -101,8 +101,8 @@ def examine(
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
         laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
-        announce: called with a line about how long it will take, once one seed has been trained on every task; for a learner in
-            other processes of this machine.
+        announce: called with a line about how long it will take, once two seeds have been trained on every task; for a learner
+            in other processes of this machine.
 
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
@@ -301,23 +301,28 @@ class _Trials:
         return Planned(task, twin, trial)
 
     def estimate(self, asked: Sequence[Task], seeds: tuple[int, ...], processes: int) -> str:
-        """Return in a line how long the exam will take, after trials of the first seeds, which are a part of it."""
+        """Return in a line how long the exam will take, after one trial or two of every task, which are a part of it.
+
+        The first one of each form of a task also prepares what the others use.
+        """
         plan = self.plan(asked, seeds, self.twins, self.peeks)
-        first: dict[str, Planned] = {}
+        tried: dict[str, list[Planned]] = {}
         for planned in plan:
-            first.setdefault(exam_id(planned.task), planned)
-        rows = self.run(list(first.values()))
+            some = tried.setdefault(exam_id(planned.task), [])
+            if len(some) < 2 and planned.twin is None and not planned.trial.negated:
+                some.append(planned)
+        self.run([planned for some in tried.values() for planned in some])
         known = self.store.results(planned.trial.key for planned in plan)
-        training = {}  # seconds of each trial, and what is done once for each form of a task
-        preparing = {}
-        for (name, planned), block in zip(first.items(), rows, strict=True):
-            training[name] = sum(row.get("seconds", 0.0) for row in block)
-            preparing[name] = max(0.0, known[planned.trial.key].seconds - training[name])
+        each: dict[str, float] = {}
+        preparing: dict[str, float] = {}
+        for name, some in tried.items():
+            first, *others = (known[planned.trial.key].seconds for planned in some)
+            each[name] = min([first, *others])
+            preparing[name] = first - each[name]
         left = [planned for planned in plan if planned.trial.key not in known]
-        forms = {planned.trial.about.content_hash: exam_id(planned.task) for planned in left}
-        seconds = sum(training[exam_id(planned.task)] for planned in left) + sum(
-            preparing[name] for name in forms.values()
-        )
+        forms = {planned.trial.about.content_hash: exam_id(planned.task) for planned in left if planned.twin}
+        seconds = sum(each[exam_id(planned.task)] for planned in left)
+        seconds += sum(preparing[name] for name in forms.values())
         trials = f"{plural(len(plan), 'trial')} of at most {max(map(self.granted, asked)):,} steps"
         return f"{trials}, {processes} at a time: about {duration(seconds / processes)}"
 

@@ -177,6 +177,14 @@ def test_jax_computes_with_one_thread_in_each_process(tmp_path: Path, monkeypatc
         assert found["threads"].value == count
 
 
+def test_what_jax_compiled_is_kept_when_a_module_is_run_again(tmp_path: Path) -> None:
+    pytest.importorskip("jax")
+    with Store(tmp_path / "store") as store:
+        found = run([Job("hits", "hits", jobs.compiled_again)], store, Running(1))
+    first, both = found["hits"].value
+    assert both > first
+
+
 @pytest.mark.parametrize(("given", "count"), [(None, "1"), ("2", "2")])
 def test_libraries_with_openmp_have_one_thread_in_each_process_unless_told_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str | None, count: str
