@@ -46,6 +46,16 @@ def write_bytes(place: Path, content: bytes) -> None:
         path.write_bytes(content)
 
 
+def append_text(place: Path, text: str) -> None:
+    """Add a text in UTF-8 at the end of a file, which is made if need be.
+
+    Raises:
+        SpecError: E716, it cannot be written.
+    """
+    with refused(place), place.open("a", encoding="utf-8") as file:
+        file.write(text)
+
+
 @contextmanager
 def whole(place: Path, new: bool = False) -> Iterator[Path]:
     """Yield a temporary path, which is renamed to the place when all went well; otherwise an existing file stays.

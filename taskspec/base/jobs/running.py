@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.files import append_text
 from taskspec.base.jobs.engines import AHEAD, HEARTBEAT, Cluster, Workers, cluster
 from taskspec.base.jobs.store import Job, JobResult, Status, Store
 from taskspec.base.jobs.work import Ending, pack
@@ -170,8 +171,7 @@ class _Run:
         if self.printed is None:
             sys.stderr.write(block)
             return
-        with self.printed.open("a", encoding="utf-8") as file:
-            file.write(block)
+        append_text(self.printed, block)
 
     def report(self) -> None:
         """Report how many jobs are over."""
