@@ -27,6 +27,7 @@ from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.parts import FIGURE_KINDS
+from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.spaces import space
 from taskspec.language.task.task import Task
@@ -65,6 +66,10 @@ def _sections() -> str:
     needed = {*spec["required"], *REQUIRED}
     rows = ((key, properties[key]["description"]) for key in (*FIRST, *middle, *LAST))
     return entries((_marked(key, key in needed), text) for key, text in rows)
+
+
+def _capabilities() -> str:
+    return entries(CAPABILITIES.items())
 
 
 def _marked(key: str, is_needed: bool) -> str:
@@ -329,6 +334,7 @@ def _statuses(which: str) -> str:
 
 _TABLES: dict[str, Callable[..., str]] = {
     "sections": _sections,
+    "capabilities": _capabilities,
     "keys": _keys,
     "operators": _operators,
     "functions": _functions,

@@ -48,7 +48,7 @@ def docs(
 
     A spec with an error is reported and left out; exit status 1 then.
     """
-    from taskspec.exact.check.report import set_aside
+    from taskspec.exact.check.report import set_aside, unknown_sources
     from taskspec.language.targets import settings
     from taskspec.learn.experiments.named_tasks import tasks_of
     from taskspec.show import pages
@@ -68,7 +68,7 @@ def docs(
                 problems += error.diagnostics
             else:
                 tasks.append(task)
-                warnings += set_aside(task, undrawn)[0]
+                warnings += set_aside(task, [*undrawn, *unknown_sources(task)])[0]
         if not tasks:
             raise SpecError(problems)
         if results:

@@ -9,6 +9,7 @@ import pytest
 from docs.tools.library import EVIDENCE, SUITES
 from taskspec.base.bibliography import beside
 from taskspec.language import registry, source
+from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.show.figures import scene
 from tests.shared.specs import ROOT, specs
 
@@ -27,6 +28,11 @@ def test_a_spec_says_what_a_reader_looks_for(path: Path) -> None:
     assert {"summary", "capability", "figure"} <= set(data)
     known = beside([path])
     assert [s["key"] for s in data.get("sources", []) if s["key"] not in known] == []
+
+
+def test_capabilities_are_those_of_the_list_and_each_has_a_task() -> None:
+    used = {registry.load(name).capability for name in registry.task_ids()}
+    assert used == set(CAPABILITIES)
 
 
 @pytest.mark.parametrize("name", LIBRARY)

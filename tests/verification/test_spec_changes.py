@@ -76,6 +76,7 @@ def test_prose_claims_and_examples_are_left_alone() -> None:
         "summary",
         "description",
         "capability",
+        "keywords",
         "sources",
         "errata",
         "claims",

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
 from taskspec.base.display import html_table
 from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
-from taskspec.exact.check import model_warnings, spec_warnings
+from taskspec.exact.check import model_warnings, prose_warnings, spec_warnings
 from taskspec.exact.check.warning_context import Doubt, LintContext
 from taskspec.exact.model.model import NoModel, TooLarge
 from taskspec.exact.model.points import Method
@@ -39,6 +39,8 @@ KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
     ("W519", model_warnings.forgotten),
     ("W522", spec_warnings.unproved_abstraction),
     ("W528", model_warnings.illegal),
+    ("W530", prose_warnings.unknown_capability),
+    ("W531", prose_warnings.unknown_sources),
 )  # codes of warnings, and the functions that find them
 
 
@@ -80,6 +82,14 @@ def _sanity(task: Task, results: Results) -> _Sanity:
         message = f"there is no exact model to look for {', '.join(untried)}: {reason.message}"
         collector.add("W529", context.key("name"), message, reason.hint)
     return _Sanity(collector.diagnostics, tuple(untried))
+
+
+def unknown_sources(task: Task) -> tuple[Diagnostic, ...]:
+    """Return W531 for each source without an entry in a bibliography: its key would be printed as it is."""
+    collector = Collector()
+    for doubt in prose_warnings.unknown_sources(LintContext(task, Results(task))):
+        collector.add("W531", doubt.place, doubt.message, doubt.hint)
+    return collector.diagnostics
 
 
 @dataclass(frozen=True, slots=True)

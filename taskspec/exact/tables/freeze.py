@@ -54,7 +54,7 @@ def freeze(task: Task) -> FrozenTask:
         "title": f"{task.title or task.name}, frozen",
         "summary": f"{task.instance_id} as tables, without draws of constants.",
         "description": task.spec.description or "",
-        "capability": task.capability or task.name,
+        "capability": task.capability or "",
     }
     return separated(replace(frozen, text=text, claims=claims))
 

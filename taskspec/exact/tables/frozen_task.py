@@ -86,7 +86,6 @@ class FrozenTask:
             "title": title,
             "summary": summary,
             "description": "\n".join(textwrap.wrap(description, 110)),
-            "capability": "separation",
         }
         states = tuple(f"s{i}" for i in range(len(self.states)))
         actions = tuple(f"a{i}" for i in range(len(self.actions)))

@@ -70,7 +70,8 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     if description:
         yield "description: |"
         yield from (f"  {line}".rstrip() for line in description.splitlines())
-    yield f"capability: {_quoted(task.text.get('capability', 'separation'))}"
+    if task.text.get("capability"):
+        yield f"capability: {_quoted(task.text['capability'])}"
     yield ""
     yield from ("state:", f"  s: {{type: choice, values: [{', '.join(task.states)}]}}")
     yield from ("action:", f"  a: {{type: choice, values: [{', '.join(task.actions)}]}}")

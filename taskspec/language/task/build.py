@@ -131,7 +131,7 @@ def _meant(merged: Merged) -> str:
     return repr({section: value for section, value in merged.data.items() if section not in _PROSE})
 
 
-_PROSE = ("title", "summary", "description", "capability", "sources", "errata")
+_PROSE = ("title", "summary", "description", "capability", "keywords", "sources", "errata")
 
 
 def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None, Sequence[Diagnostic]]:

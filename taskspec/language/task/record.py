@@ -38,6 +38,7 @@ def record(task: Task) -> dict[str, Any]:
         "title": spec.title,
         "summary": spec.summary,
         "capability": spec.capability,
+        "keywords": spec.keywords,
         "parameters": list(map(parameter, task.parameters)),
         "modifiers": list(map(str, task.modifiers)),
         "states": count(task.state),

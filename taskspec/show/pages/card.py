@@ -31,7 +31,7 @@ def linked_data(task: Task, facts: Facts) -> dict[str, Any]:
         "headline": task.title or task.name,
         "description": " ".join((spec.summary or spec.description or task.title or task.name).split()),
         "version": str(task.source.version),
-        "keywords": ["reinforcement learning", *filter(None, [spec.capability])],
+        "keywords": ["reinforcement learning", *filter(None, [spec.capability]), *spec.keywords],
         "programmingLanguage": "YAML",
         "runtimePlatform": "Gymnasium",
         "citation": [_citation(x.key, x.where, references.get(x.key)) for x in spec.sources],
@@ -105,7 +105,7 @@ def markdown(card: dict[str, Any]) -> str:
         lines.append(f"license: {LICENSE.lower()}")
     lines += ["---", "", f"# {escape(card['name'])}: {escape(card['headline'])}", "", escape(card["description"]), ""]
     lines += ["| | |", "|---|---|", f"| id | `{card['identifier'][0]}` |", f"| version | {card['version']} |"]
-    lines += [f"| capability | {escape(word)} |" for word in card["keywords"][1:]]
+    lines += [f"| keyword | {escape(word)} |" for word in card["keywords"][1:]]
     for kind in ("parameter", "modifier", "space", "size", "return"):
         for each in kinds.get(kind, ()):
             if "description" in each:

@@ -57,7 +57,6 @@ def imported(place: str, format: str | None = None, name: str | None = None, hor
     text = {
         "title": f"{Path(place).stem}, imported",
         "summary": f"The decision process of {Path(place).name}.",
-        "capability": "imported",
     }
     return replace(task, name=name or _name(place), text=text, claims=_returns(task))
 
