@@ -13,6 +13,7 @@ from rich.cells import cell_len
 
 from taskspec.base.codes import classes, codes
 from taskspec.language.registry import shipped, task_ids
+from taskspec.language.suites import SUITES
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
@@ -51,26 +52,35 @@ def test_show_draws_a_map_as_it_is_written(tmp_path: Path, grid: str) -> None:
     assert re.search(r"Maps +map \(S = 0, # = 1\)\n +S#\n +##\n", found), found
 
 
-def test_list_has_a_row_for_every_task_that_is_known() -> None:
-    rows = Done("list").out.splitlines()
-    assert {row.split()[0] for row in rows[1:] if not row.startswith(" ")} == set(task_ids())
-    assert not any(row.endswith(" ") for row in rows)
-
-
-def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
-    lines = Done("list", "derail", columns=80).out.splitlines()
+def test_list_alone_counts_the_tasks_of_suites_on_one_screen() -> None:
+    lines = Done("list", columns=80).out.splitlines()
+    assert len(lines) < 24
     assert max(map(len, lines)) <= 80
-    assert "exploration" in lines
-    assert "  derail/Branching-v0              L=10 B=2           21 × 2       10" in lines
+    suites = [name.partition("/")[0] for name in task_ids()]
+    shown = {tuple(line.split()[:2]) for line in lines}
+    assert {(suite, str(suites.count(suite))) for suite in suites} <= shown
+    counts = re.search("capabilities: (.*?)\n\n", "\n".join(lines), re.DOTALL)
+    assert counts is not None
+    assert sum(map(int, re.findall(r"\d+", counts[1]))) == len(suites)
 
 
-@pytest.mark.parametrize("columns", [110, 120, 160, 300])
-def test_wide_list_shows_every_column_whole_but_the_summary(columns: int) -> None:
-    lines = Done("list", "derail", columns=columns).out.splitlines()
+def test_every_suite_has_a_line_that_fits() -> None:
+    assert {name.partition("/")[0] for name in task_ids()} == set(SUITES)
+    assert all(len(suite.line) <= 60 for suite in SUITES.values())
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120, 160, 300])
+def test_list_shows_size_horizon_and_summary_at_any_width(columns: int) -> None:
+    out = Done("list", "derail", columns=columns).out
+    lines = out.splitlines()
     assert max(map(len, lines)) <= columns
-    row = next(line for line in lines if line.startswith("derail/Branching-v0"))
-    assert row.startswith("derail/Branching-v0              exploration             L=10 B=2           21 × 2       10")
-    assert ("A long path" in row) == (columns > 120)
+    assert {line.split()[0] for line in lines if "/" in line} == {
+        name for name in task_ids() if name.startswith("derail/")
+    }
+    row = next(line for line in lines if "derail/Branching-v0" in line)
+    assert re.search(r"21 × 2 +10", row)
+    assert "A long path on which every wrong turn is a dead end." in " ".join(out.split())
+    assert ("exploration" in lines) == (columns < 150)
 
 
 def test_list_takes_folders_suites_files_and_ids_alike() -> None:
@@ -145,7 +155,7 @@ BROKEN = {
     "a misspelt key": (RISKY.replace("name: RiskyPath", "nmae: RiskyPath"), "2:1", "E202", "did you mean 'name'?"),
     "an unknown name": (BRANCHING.replace("s': s + (a", "s': ss + (a"), "40:7", "E302", "did you mean 's'?"),
     "a shape error": (RISKY.replace("reward:\n  by: [s']", "reward: [1, 2]\nx:\n  by: [s']"), "", "E", ""),
-    "a row of 0.9": (RISKY.replace("trap: 1/2", "trap: 0.4"), "41:36", "E401", "sum to 0.9"),
+    "a row of 0.9": (RISKY.replace("trap: 1/2", "trap: 0.4"), "42:36", "E401", "sum to 0.9"),
     "a state out of range": (SHIFT.replace("high: 6", "high: 5"), "31:7", "E403", "from s = 2 with a = right"),
     "a comma in a flow mapping": (RISKY.replace("  s: start", "  s: {x: clip(1, 0, 1)}"), "", "E106", "quotes"),
 }

@@ -1,0 +1,36 @@
+"""The suites that come with the package: their titles, and one line on each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class AboutSuite(NamedTuple):
+    """A suite in words.
+
+    Attributes:
+        title: its heading in a gallery.
+        line: at most 60 characters on its tasks, for a list.
+    """
+
+    title: str
+    line: str
+
+
+SUITES = {
+    "derail": AboutSuite("DERAIL", "diagnostic tasks for reward and imitation learning"),
+    "bsuite": AboutSuite("Behaviour suite", "bandits, chains and umbrellas, one question each"),
+    "classic_control": AboutSuite("Classic control", "poles, pendulums and cars of Gymnasium"),
+    "toy_text": AboutSuite("Gymnasium's toy text", "frozen lake, cliff, taxi and blackjack"),
+    "textbook": AboutSuite("Textbook", "examples of Sutton and Barto's book, and bandits"),
+    "memory": AboutSuite("Memory", "cards, lights and letters that have to be remembered"),
+    "pomdp": AboutSuite("Partially observable", "published POMDPs: tigers, rocks and corridors"),
+    "planning": AboutSuite("Planning", "puzzles and board games"),
+    "operations": AboutSuite("Operations", "stocks, queues, repairs and offers"),
+    "safety": AboutSuite("Safety", "AI safety gridworlds, vases and off-switches"),
+    "irl": AboutSuite("What identifies a reward", "demonstrations that do or do not identify a reward"),
+    "probes": AboutSuite("Probes", "two to five states on which usual mistakes lose return"),
+    "families": AboutSuite("Families", "random tasks to tell two learners apart"),
+    "seals": AboutSuite("Cliff worlds and random processes", "the tabular tasks of seals"),
+}
+"""The suites of the package, in the order in which they are shown."""
