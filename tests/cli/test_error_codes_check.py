@@ -28,4 +28,4 @@ def test_a_stand_in_that_starts_outside_its_states_gives_no_results(tmp_path: Pa
     text = sort.replace("low: 0, high: L - 1, doc: rank", "low: 1, high: L - 1, doc: rank")
     (tmp_path / "sort.yaml").write_text(text, encoding="utf-8")
     found = check_file(File(tmp_path / "sort.yaml", ""), examine).diagnostics
-    assert {d.code for d in found} == {"E602", "W522"}
+    assert {d.code for d in found} == {"E602", "W522", "W531"}

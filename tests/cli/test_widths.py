@@ -16,7 +16,8 @@ SPEC = """\
 taskspec: 1
 name: {name}
 title: A corridor with a very long name
-capability: exploration of long corridors
+capability: exploration
+keywords: [long corridors]
 parameters:
   corridor_length: {{type: int, default: 5, low: 1, high: 100}}
   probability_of_slipping: {{type: real, default: 0.125, low: 0, high: 1}}

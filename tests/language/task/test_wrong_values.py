@@ -41,7 +41,8 @@ CORE: dict[str, Any] = {
 FEATURES: dict[str, dict[str, Any]] = {
     "core": CORE,
     "words": {
-        "title": "A walk", "summary": "Walk to the end.", "description": "Text with $x$.", "capability": "walking", "keywords": ["steps"],
+        "title": "A walk", "summary": "Walk to the end.", "description": "Text with $x$.", "capability": "walking",
+        "keywords": ["steps"],
         "sources": ["paper", {"key": "other", "where": "page 3"}],
         "errata": [{"source": "it said so", "here": "it does not", "because": "it is wrong", "about": ["reward"]}],
         "version": 1, "info": ["old_state", "new_state"], "accept": {"W506": "meant to be"},

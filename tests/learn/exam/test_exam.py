@@ -335,7 +335,7 @@ def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -
     assert flagged(right) == set() and flagged(wrong) == {*(("twin", task) for task in FINITE), PAIRED}
     assert {v["verdict"] for v in right["verdicts"].values()} == {"masters"}
     assert {v["verdict"] for v in wrong["verdicts"].values()} == {"fails"}
-    early = wrong["verdicts"]["early termination"]
+    early = wrong["verdicts"]["termination"]
     assert (
         (early["mean"], early["seeds"]) == (1.0, 13)
         and early["twins"]["verdict"] == "fails"
@@ -350,7 +350,7 @@ def test_what_a_fixed_action_does_is_no_mastery() -> None:
         return lambda observation: np.zeros(1, np.float32)
 
     found = examine(untrained, tasks=["Parabola"], seeds=13, learns_from=["reward"])
-    verdict = found["verdicts"]["continuous control"]
+    verdict = found["verdicts"]["control"]
     assert verdict["mean"] > 0.9 and verdict["passed"] == 13 and verdict["verdict"] == "passes"
     nearest = (
         "Nearest known mistake: ignores its observations: on every seed it scores what the best fixed action scores"
@@ -358,7 +358,7 @@ def test_what_a_fixed_action_does_is_no_mastery() -> None:
     assert card(found).advice.startswith(nearest)
     for twins, grade in ((0, "passes"), (2, "masters")):
         found = examine(counting.clone, tasks=["RiskyPath"], seeds=13, twins=twins)
-        assert found["verdicts"]["stochastic transitions"]["verdict"] == grade
+        assert found["verdicts"]["chance"]["verdict"] == grade
 
 
 @pytest.mark.parametrize(
@@ -439,7 +439,7 @@ def test_a_learner_that_peeks_is_flagged() -> None:
 
 def test_one_seed_tells_nothing_of_others() -> None:
     found = examine(counting.clone_off_by_one, tasks=["EarlyTermPos"], seeds=1)
-    assert flagged(found) == {PAIRED} and found["verdicts"]["early termination"]["verdict"] == "unsure"
+    assert flagged(found) == {PAIRED} and found["verdicts"]["termination"]["verdict"] == "unsure"
 
 
 def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:

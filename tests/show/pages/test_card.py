@@ -46,7 +46,8 @@ def test_a_return_is_a_fraction_where_it_is_exact() -> None:
     assert "| horizon | 5 |" in out and "- `optimal_return == 4`: proved" in out
     front = yaml.safe_load(out.split("---\n")[1])
     assert front == {
-        "pretty_name": "Stochastic transitions", "tags": ["reinforcement-learning", "stochastic transitions"], "license": "mit"
+        "pretty_name": "Stochastic transitions", "tags": ["reinforcement-learning", "chance", "stochastic transitions"],
+        "license": "mit"
     }  # fmt: skip
 
 

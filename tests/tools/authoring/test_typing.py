@@ -24,7 +24,8 @@ SPECS = sorted(
 )
 WORD = re.compile(r"(?<!\w)[A-Za-z_]\w*'?")
 PROSE = {
-    "title", "summary", "description", "capability", "keywords", "sources", "source", "errata", "here", "because", "where", "doc", "accept",
+    "title", "summary", "description", "capability", "keywords", "sources", "source", "errata", "here", "because", "where",
+    "doc", "accept",
     "symbol", "symbols", "alias", "note", "message", "values", "grid", "legend", "objects", "name", "version",
 }  # fmt: skip
 DECLARING = {
