@@ -17,7 +17,7 @@ from taskspec.language.task.task import Task
 
 PAGE = Path(__file__).parents[1] / "reference" / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")
-"""How many times faster tasks are than their originals, as `python -m tests.originals.speed` measured."""
+"""How many times faster tasks are than their originals, as `python -m tests.benchmarks.originals` measured."""
 SUITES = {
     "textbook": "Textbook",
     "toy_text": "Gymnasium's toy text",
@@ -134,7 +134,7 @@ def _speed() -> str:
     least, middle, most = (f"{float(f'{ratio:.1g}'):,.0f}" for ratio in (min(ratios), median(ratios), max(ratios)))
     return (
         f"With 1,024 lanes, NumPy makes {least} to {most} times as many steps a second as a loop over the original "
-        f"(median {middle}, {len(ratios)} tasks; `python -m tests.originals.speed`)."
+        f"(median {middle}, {len(ratios)} tasks; `python -m tests.benchmarks.originals`)."
     )
 
 

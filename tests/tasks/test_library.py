@@ -49,9 +49,9 @@ def test_every_task_is_compared_or_argued_for_once() -> None:
 def test_comparisons_name_tests() -> None:
     for found in EVIDENCE:
         if found.test is not None:
-            path = ROOT / found.test if found.test.endswith(".py") else ROOT / f"tests/originals/test_{found.test}.py"
-            text = path.read_text()
-            assert all(name in text or spec_name(name) in text for name in found.tasks)
+            name = found.test if found.test.endswith(".py") else f"tests/verification/originals/test_{found.test}.py"
+            text = (ROOT / name).read_text()
+            assert all(task in text or spec_name(task) in text for task in found.tasks)
         else:
             assert found.how.startswith("argued")
 

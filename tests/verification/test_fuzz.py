@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
-from tests.shared import processes
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
+from tests.verification import processes
 from tests.verification.fuzz import __main__ as fuzz
 from tests.verification.fuzz import corpus, found, layers, worker
 from tests.verification.fuzz.mutate import mutant

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.shared.processes import machine, records
+from tests.verification.processes import machine, records
 
 CHUNK = 2_000
 KEPT = 10

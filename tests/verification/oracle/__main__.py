@@ -7,8 +7,8 @@ import sys
 import time
 from pathlib import Path
 
-from tests.shared.processes import machine
 from tests.verification.oracle.run import Tally, endings, faults, run
+from tests.verification.processes import machine
 
 
 def summary(tally: Tally, seconds: float, jobs: int) -> str:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.shared.processes import records
+from tests.verification.processes import records
 
 CHUNK = 1000
 TOLD_FROM = 5

@@ -13,8 +13,8 @@ import sys
 import time
 from collections import Counter
 
-from tests.shared.processes import machine
 from tests.verification.oracle.run import Tally, endings, faults, run
+from tests.verification.processes import machine
 from tests.verification.proofs import storm
 
 CHUNK = 50

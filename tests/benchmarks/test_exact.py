@@ -1,4 +1,4 @@
-"""Scores, policies, experts as objects, abstractions, reports, compiled sweeps, and the benchmark on a small grid."""
+"""Compiled sweeps equal the plain ones, and the benchmark of exact values agrees with plain loops."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.originals.beside import STEPS, Case, Gymnasium, State, among_outcomes, cases, side_by_side
+from tests.verification.originals.beside import STEPS, Case, Gymnasium, State, among_outcomes, cases, side_by_side
 
 pytest.importorskip("popgym")
 from popgym.envs.autoencode import Autoencode

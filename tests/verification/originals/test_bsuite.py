@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from tests.originals.beside import STEPS, Case, DmEnv, State, among_outcomes, cases, flat, side_by_side
+from tests.verification.originals.beside import STEPS, Case, DmEnv, State, among_outcomes, cases, flat, side_by_side
 
 pytest.importorskip("bsuite.environments")
 from bsuite.environments import (

@@ -10,7 +10,7 @@ import pytest
 import taskspec
 from taskspec.envs.data.tabular import tabular
 from taskspec.exact import Results
-from tests.originals.beside import STEPS, Gymnasium, Result, State, side_by_side
+from tests.verification.originals.beside import STEPS, Gymnasium, Result, State, side_by_side
 
 
 class Wind:

@@ -15,7 +15,7 @@ from taskspec.exam import Exam
 from taskspec.learn.exam.score_rows import task_name
 from taskspec.show.figures import chart
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 PAGE = DOCS / "explain/learners.md"
 PICTURE = DOCS / "pictures/references.svg"
 NAMES = {"ppo": "PPO", "bc": "behavioural cloning", "gail": "GAIL"}

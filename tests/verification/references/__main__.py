@@ -1,8 +1,8 @@
-"""`python -m tests.references`: examine our learners and those of other libraries with the same settings, and compare.
+"""`python -m tests.verification.references`: our learners beside those of other libraries, with the same settings.
 
-    python -m tests.references ppo         # beside that of Stable-Baselines3
-    python -m tests.references bc gail     # beside those of imitation, which needs Gymnasium 0.29
-    python -m tests.references             # all of them, and the table and picture of docs/explain/learners.md
+    python -m tests.verification.references ppo         # beside that of Stable-Baselines3
+    python -m tests.verification.references bc gail     # beside those of imitation, which needs Gymnasium 0.29
+    python -m tests.verification.references             # all of them, and the table and picture of docs/explain/learners.md
 
 Ours and theirs are trained by the same exam, for as many steps, on as many seeds. What was done is read again from
 build/references.
@@ -15,11 +15,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 from taskspec.exam import Exam, Running, examine
-from tests.references import page
-from tests.references.theirs import SETTINGS
+from tests.verification.references import page
+from tests.verification.references.theirs import SETTINGS
 
 HERE = Path(__file__).parent
-BUILD = HERE.parents[1] / "build/references"
+BUILD = HERE.parents[2] / "build/references"
 TERMS = {
     "ppo": {"tasks": ["NoisyObs?L=5", "Parabola"], "steps": 60_000},
     "bc": {"tasks": ["NoisyObs", "LargestSum"], "steps": 1, "transitions": 1_000},
@@ -31,7 +31,9 @@ LIBRARIES = {"ppo": "stable-baselines3", "bc": "imitation", "gail": "imitation"}
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m tests.references", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        prog="python -m tests.verification.references",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("learners", nargs="*", choices=[*TERMS, []], help="default: all of them; else no page")
     parser.add_argument("--seeds", type=int, default=6)

@@ -17,8 +17,8 @@ import pytest
 
 import taskspec
 from taskspec.language.task.task import Task
-from tests.originals.beside import OutcomesOf, State
 from tests.shared.specs import spec_file
+from tests.verification.originals.beside import OutcomesOf, State
 
 SHUTTLE = """
 states: docked_lrv mrv_front space_to_mrv lrv_back mrv_back space_to_lrv lrv_front docked_mrv

@@ -20,8 +20,17 @@ import taskspec
 from taskspec.envs.data.tabular import tabular
 from taskspec.language import draws
 from taskspec.language.expressions.variates import WordLayout
-from tests.originals.beside import ALPHA, STEPS, Case, Gymnasium, among_outcomes, any_action, cases, side_by_side
 from tests.shared.specs import spec_file
+from tests.verification.originals.beside import (
+    ALPHA,
+    STEPS,
+    Case,
+    Gymnasium,
+    among_outcomes,
+    any_action,
+    cases,
+    side_by_side,
+)
 
 LAKES = {
     **MAPS,

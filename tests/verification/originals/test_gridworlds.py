@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from tests.originals.beside import STEPS, Case, Result, State, among_outcomes, cases, side_by_side
 from tests.shared.specs import spec_file
+from tests.verification.originals.beside import STEPS, Case, Result, State, among_outcomes, cases, side_by_side
 
 pytest.importorskip("ai_safety_gridworlds")
 if np.__version__ >= "2":

@@ -1,4 +1,4 @@
-"""How many times faster than its original a task is: `python -m tests.originals.speed`, where originals are installed.
+"""How many times faster than its original a task is: `python -m tests.benchmarks.originals`, where originals are installed.
 
 The NumPy vector environment and a loop over the original take turns in one process, both with random actions. The ratios
 are written into a file that docs/reference/library.md shows; those of originals that are not here stay as they are.
@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from tests.originals.beside import Case
+from tests.verification.originals.beside import Case
 
 FILE = Path(__file__).parents[2] / "docs" / "tools" / "library_speed.json"
 MODULES = ("bsuite", "gridworlds", "gymnasium", "popgym")
@@ -33,7 +33,7 @@ def every_case() -> Iterator[Case]:
     found: dict[str, Case] = {}
     for name in MODULES:
         with contextlib.suppress(pytest.skip.Exception):
-            module = import_module(f"tests.originals.test_{name}")
+            module = import_module(f"tests.verification.originals.test_{name}")
             for case in [*module.CASES, *getattr(module, "MORE", [])]:
                 found.setdefault(case.task, case)
     yield from found.values()

@@ -1,1 +1,0 @@
-"""Our learners beside those of other libraries, with the same settings: see `python -m tests.references --help`."""

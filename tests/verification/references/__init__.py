@@ -1,0 +1,1 @@
+"""Our learners beside those of other libraries, with the same settings: see `python -m tests.verification.references --help`."""
