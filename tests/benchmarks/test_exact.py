@@ -35,6 +35,10 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
         np.testing.assert_allclose(found.value, plain.value, atol=1e-12)
         np.testing.assert_allclose(plain.error, found.error, rtol=1e-6)
         assert (found.error <= 1e-9).all()
+        first = np.flatnonzero(model.start)
+        needed = kernels.extreme_values(Bounded(model), largest, at_start=True)
+        assert needed.value[first].tolist() == found.value[first].tolist()
+        assert (needed.error[first] <= found.error[first] * (1 + 1e-12)).all()
 
 
 def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_built() -> None:

@@ -28,8 +28,8 @@ from taskspec.language.task.task import Task, TaskLike
 
 WHOLE = 4_000_000
 MANY = 10_000
-FEW = 50
-"""Of so many states it is tried whether episodes enter less than one in so many, such as on boards with two mines."""
+NEARLY_ALL = 3 / 4
+"""Of so many states, those that episodes enter are searched for, and all are taken once that is nearly all of them."""
 MOST_ACTIONS = 10_000_000
 SWEEP = 1e9
 """Nominal number of non-zeros of a second: all of them in a sweep for each step of an episode."""
@@ -78,7 +78,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
     Args:
         reachable: only states that episodes enter (True), or all declared ones (False); None takes
-            all where that is cheap, and episodes enter more than a few of them.
+            all where these are few, or episodes enter nearly all of them.
         limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
 
     Raises:
@@ -136,7 +136,7 @@ def _codes(steps: Steps, room: _Room, reachable: bool | None) -> Array:
         reachable = size > min(WHOLE, room.states)
         if not reachable and size >= MANY:
             with suppress(NoModel):
-                return visits(steps, size // FEW).entered
+                return visits(steps, int(NEARLY_ALL * size)).entered
     if reachable:
         return visits(steps, room.states, room.hint, room.each).entered
     room.check(size)

@@ -12,7 +12,7 @@ from scipy import sparse
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exact.model.space import Space, entries_of, shown
+from taskspec.exact.model.space import Space, distinct, entries_of, shown, union
 from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.task.legal import choices
 from taskspec.language.task.task import Task
@@ -45,6 +45,8 @@ def misused(message: str, hint: str | None = None) -> NoReturn:
 # state s, so that a maximum over actions runs over the contiguous leading axis of an (A, S) array.
 
 Sparse = Any  # scipy.sparse.csr_array
+NEVER = 2**62
+"""A time that no episode comes to."""
 
 
 @dataclass(frozen=True)
@@ -238,54 +240,71 @@ class Model:
             rows = np.tile(states, self.n_actions).astype(np.float64)
             return np.asarray(matrix.T @ rows) > 0
         some = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
-        first = matrix.indptr[some]
-        counts = matrix.indptr[some + 1] - matrix.indptr[some]
-        entries = entries_of(first, counts)
         found = np.zeros(self.n_states, np.bool_)
-        found[matrix.indices[entries[matrix.data[entries] > 0]]] = True
+        found[_columns(matrix, some)] = True
         return found
+
+    @cached_property
+    def first_times(self) -> Array:
+        """The first time (S,) at which some episode acts in each state, int64; `NEVER` where none does."""
+        return self._first_times(self.horizon)
 
     @cached_property
     def acting(self) -> Array:
         """States (S,) in which some episode acts."""
-        found = np.zeros(self.n_states, np.bool_)
-        for _, level in self._growth(self.horizon):
-            found |= level
-        return found
+        return self.first_times < NEVER
 
     @cached_property
     def entered(self) -> Array:
         """States (S,) that some episode is ever in."""
-        return self._entered(self.horizon)
+        found = self.start > 0
+        if not self.is_timed:
+            return self._entered(found, self.acting, 0)
+        for t, level in self.levels():
+            found = self._entered(found, level, t)
+        return found
 
     @cached_property
     def connected(self) -> Array:
         """States (S,) that some episode would be in if there were no horizon (where the time does not matter)."""
-        return self._entered(self.horizon if self.is_timed else None)
+        if self.is_timed:
+            return self.entered
+        return self._entered(self.start > 0, self._first_times(None) < NEVER, 0)
 
-    def _entered(self, horizon: int | None) -> Array:
-        found = self.start > 0
-        for t, level in self._growth(horizon):
-            for matrix in self.step(t).matrices:
-                found = found | self.successors(matrix, level)
+    def _entered(self, found: Array, acting: Array, t: int) -> Array:
+        for matrix in self.step(t).matrices:
+            found = found | self.successors(matrix, acting)
         return found
 
-    def _growth(self, horizon: int | None) -> Iterator[tuple[int, Array]]:
+    def _first_times(self, horizon: int | None) -> Array:
+        found = np.full(self.n_states, NEVER)
         if self.is_timed:
-            yield from self.levels()
-            return
-        level = self.start > 0
-        seen = np.zeros(self.n_states, np.bool_)
+            for t, level in self.levels():
+                found[level & (found == NEVER)] = t
+            return found
+        P = self.step(0).P
+        level = np.flatnonzero(self.start)
         t = 0
-        while level.any() and (horizon is None or t < horizon):
-            yield t, level
-            seen |= level
-            level = self.successors(self.step(0).P, level) & ~seen
+        while len(level) and (horizon is None or t < horizon):
+            found[level] = t
+            ahead = []
+            for a in range(self.n_actions):
+                columns = _columns(P, level + a * self.n_states)
+                ahead.append(distinct(columns[found[columns] == NEVER]))
+            level = union(ahead)
             t += 1
+        return found
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""
         return dict(self.states.decode(self.codes[some])) | {TIME: np.array([t], dtype=np.int64)}
+
+
+def _columns(matrix: Sparse, rows: Array) -> Array:
+    """Return the columns of the positive entries of some rows."""
+    first = matrix.indptr[rows]
+    entries = entries_of(first, matrix.indptr[rows + 1] - first)
+    return np.asarray(matrix.indices[entries[matrix.data[entries] > 0]])
 
 
 # -- whether a component of the action makes any difference -----------------------------------------------------------

@@ -1,99 +1,149 @@
 """Backward induction compiled by Numba: a sweep over states, actions and outcomes in one pass, without temporaries.
 
-States are swept in blocks. A block whose successors all lie in blocks that did not change in the
-last sweep keeps its values: in tasks where steps are local, values spread from the rewards like a
-wave, and only what the wave has reached is computed. A sweep with other rewards or probabilities computes
-all blocks, those included whose steps all end the episode.
+A sweep is bound by memory, so that the fastest one is the one that is not made. States are swept in blocks, and two kinds of
+blocks are passed over. A block whose successors all lie in blocks that did not change in the last sweep keeps its values: where
+steps are local, values spread from the rewards like a wave, and states from which nothing can still be earned in the steps left
+cost nothing. And where only the values of first states are asked for, states that no episode has come to by some time have none
+then. A sweep with other rewards or probabilities computes all blocks, those included whose steps all end the episode.
+
+Threads share the blocks of a sweep.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
 import numpy as np
-from numba import njit
+from numba import config, njit
 
 from taskspec.base.arrays import Array
+from taskspec.base.limits import tell
 from taskspec.exact.model.model import Step
 from taskspec.exact.solve.bounded import Bound, Bounded
 
-BLOCK = 1024
+BLOCK = 128
+"""States of a block."""
+SHARED = 100_000
+"""Non-zeros of a sweep from which threads share it."""
 
 
-def extreme_values(numbers: Bounded, largest: bool) -> Bound:
-    """Return the best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors."""
+def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> Bound:
+    """Return the best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors.
+
+    Args:
+        at_start: only values of first states are asked for; others may be wrong.
+    """
     model = numbers.model
-    sign = 1.0 if largest else -1.0
+    if largest:
+        sign = 1.0
+    else:
+        sign = -1.0
+    count = -(-model.n_states // BLOCK)
+    opened = np.zeros(count, np.int64)
+    if at_start:
+        opened = np.minimum.reduceat(model.first_times, np.arange(0, model.n_states, BLOCK))
     bound = numbers.zero()
-    spare = np.empty(model.n_states)
+    spare = np.zeros(model.n_states)
     before: Step | None = None
-    blocks = np.empty((0, 2), np.int64)
-    changed = active = np.ones(0, np.bool_)
-    for t in range(numbers.horizon - 1, -1, -1):
-        step = model.step(t)
-        P = step.P
-        rows = (P.indptr, P.indices, P.data)
-        if step is before:
-            active = _active(blocks, changed)
-        else:
-            blocks = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
-            changed = active = np.ones(len(blocks), np.bool_)
-        value = bound.value
-        changed = _swept(rows, step.R, active, changed, value, spare, (model.discount, sign))
-        bound = numbers.with_errors(step, spare, bound)
-        spare = value
-        before = step
+    ahead = (np.zeros(0, np.int64), np.zeros(0, np.int32))
+    changed = np.ones(count, np.bool_)
+    threads = config.NUMBA_NUM_THREADS
+    with ThreadPoolExecutor(threads) as pool:
+        for t in range(numbers.horizon - 1, -1, -1):
+            tell(f"planning, step {t + 1:,} of {numbers.horizon:,}")
+            step = model.step(t)
+            P = step.P
+            if step is before:
+                active = _active(*ahead, changed)
+            else:
+                ahead = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
+                changed = np.ones(count, np.bool_)
+                active = changed
+            needed = opened <= t
+            active = active & needed
+            blocks = np.flatnonzero((active | changed) & needed)
+            value = bound.value
+            after = np.zeros(count, np.bool_)
+            rows = (P.indptr, P.indices, P.data)
+            sweep = partial(_sweep, rows, step.R, active, value, spare, after, (model.discount, sign))
+            parts = [blocks]
+            if np.count_nonzero(active) * (P.nnz / count) > SHARED:
+                parts = np.array_split(blocks, 4 * threads)
+            others = pool.map(sweep, parts[1:])
+            sweep(parts[0])
+            list(others)
+            changed = after
+            bound = numbers.with_errors(step, spare, bound)
+            spare = value
+            before = step
     return bound
 
 
 @njit(cache=True)
-def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Array:
-    """For each block the first and the last block that its steps lead to, (blocks, 2); a last before the first: none."""
+def _successors(indptr: Array, columns: Array, states: int, actions: int) -> tuple[Array, Array]:
+    """Return the blocks that the steps of each block lead to: where those of each begin (blocks + 1,), and their numbers."""
     count = (states + BLOCK - 1) // BLOCK
-    found = np.empty((count, 2), np.int64)
+    first = np.zeros(count + 1, np.int64)
+    seen = np.full(count, -1, np.int32)
     for b in range(count):
-        low = states
-        high = 0
         for a in range(actions):
-            first = a * states + b * BLOCK
-            last = a * states + min(states, (b + 1) * BLOCK)
-            for k in range(indptr[first], indptr[last]):
-                low = min(low, columns[k])
-                high = max(high, columns[k])
-        found[b, 0] = low // BLOCK
-        found[b, 1] = high // BLOCK
-    return found
+            start = a * states + b * BLOCK
+            end = a * states + min(states, (b + 1) * BLOCK)
+            for k in range(indptr[start], indptr[end]):
+                to = columns[k] // BLOCK
+                if seen[to] != b:
+                    seen[to] = b
+                    first[b + 1] += 1
+    first = np.cumsum(first)
+    found = np.empty(first[count], np.int32)
+    seen[:] = -1
+    at = 0
+    for b in range(count):
+        for a in range(actions):
+            start = a * states + b * BLOCK
+            end = a * states + min(states, (b + 1) * BLOCK)
+            for k in range(indptr[start], indptr[end]):
+                to = columns[k] // BLOCK
+                if seen[to] != b:
+                    seen[to] = b
+                    found[at] = to
+                    at += 1
+    return first, found
 
 
 @njit(cache=True)
-def _active(blocks: Array, changed: Array) -> Array:
-    before = np.zeros(len(changed) + 1, np.int64)
-    before[1:] = np.cumsum(changed)
-    found = np.empty(len(blocks), np.bool_)
-    for b in range(len(blocks)):
-        found[b] = before[min(blocks[b, 1] + 1, len(changed))] > before[min(blocks[b, 0], len(changed))]
+def _active(first: Array, successors: Array, changed: Array) -> Array:
+    """Return which blocks have a successor that changed."""
+    found = np.zeros(len(changed), np.bool_)
+    for b in range(len(changed)):
+        for k in range(first[b], first[b + 1]):
+            if changed[successors[k]]:
+                found[b] = True
+                break
     return found
 
 
-@njit(cache=True, fastmath={"contract"})
-def _swept(
-    rows: tuple[Array, ...], reward: Array, active: Array, changed: Array,
-    value: Array, out: Array, constants: tuple[float, ...],
-) -> Array:  # fmt: skip
-    """Write the values one step before into `out`; return which blocks differ from `value`.
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _sweep(
+    rows: tuple[Array, ...], reward: Array, active: Array, value: Array, out: Array, after: Array,
+    constants: tuple[float, ...], blocks: Array,
+) -> None:  # fmt: skip
+    """Write the values of some blocks one step before into `out`, and into `after` whether they differ from `value`.
 
-    In `changed` blocks `value` differs from what `out` holds.
+    Those of blocks that are not active are copied.
     """
     indptr, columns, weights = rows
     discount, sign = constants
     states = len(out)
-    after = np.zeros(len(active), np.bool_)
-    for b in range(len(active)):
-        first = b * BLOCK
-        last = min(states, (b + 1) * BLOCK)
+    for b in blocks:
+        start = b * BLOCK
+        end = min(states, start + BLOCK)
         if not active[b]:
-            if changed[b]:
-                out[first:last] = value[first:last]
+            out[start:end] = value[start:end]
             continue
-        for s in range(first, last):
+        is_new = False
+        for s in range(start, end):
             best = -np.inf
             for a in range(len(reward) // states):
                 row = a * states + s
@@ -102,5 +152,5 @@ def _swept(
                     ahead += weights[k] * value[columns[k]]
                 best = max(best, sign * (reward[row] + discount * ahead))
             out[s] = sign * best
-            after[b] |= out[s] != value[s]
-    return after
+            is_new |= out[s] != value[s]
+        after[b] = is_new

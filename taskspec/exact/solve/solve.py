@@ -34,8 +34,8 @@ from taskspec.exact.solve.enclosure import Enclosure
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 from taskspec.exact.solve.rational import Rational
 
-LONG = 100_000_000
-"""Entries times steps from which compiled sweeps pay: NumPy takes four seconds for as many, and compiling may take six."""
+LONG = 300_000_000
+"""Entries times steps from which compiled sweeps pay: NumPy takes a second or two for as many, and compiling may take two."""
 MOST_STEPS = 1_000_000
 
 
@@ -48,11 +48,11 @@ class Finite:
 
     def best(self) -> Enclosure:
         if self._best is None:
-            self._best = self.numbers.at_start(extreme(self.numbers, True))
+            self._best = self.numbers.at_start(extreme(self.numbers, True, at_start=True))
         return self._best
 
     def worst(self) -> Enclosure:
-        found: Enclosure = self.numbers.at_start(extreme(self.numbers, False))
+        found: Enclosure = self.numbers.at_start(extreme(self.numbers, False, at_start=True))
         return found
 
     @QUIET
@@ -105,13 +105,17 @@ Solver: TypeAlias = Finite | InfiniteHorizon
 
 
 @QUIET
-def extreme(numbers: Any, largest: bool) -> Any:
-    """Return the best (or worst) values (S,) at the first time, in `Rational` or `Bounded` arithmetic."""
+def extreme(numbers: Any, largest: bool, at_start: bool = False) -> Any:
+    """Return the best (or worst) values (S,) at the first time, in `Rational` or `Bounded` arithmetic.
+
+    Args:
+        at_start: only values of first states are asked for; others may be wrong.
+    """
     is_long = numbers.model.entries * numbers.horizon >= LONG and numbers.model.legal is None
     if isinstance(numbers, Bounded) and is_long and is_installed("numba"):
         from taskspec.exact.solve.kernels_numba import extreme_values
 
-        return extreme_values(numbers, largest)
+        return extreme_values(numbers, largest, at_start)
     if largest:
         choose = numbers.top
     else:

@@ -13,7 +13,7 @@ import pytest
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.exact.model.extract import visits
-from taskspec.exact.model.model import Model
+from taskspec.exact.model.model import NEVER, Model
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.solve import solve
 from taskspec.language.expressions.evaluate import evaluate
@@ -104,12 +104,26 @@ def _reads(model: Model, s: int, a: int, t: int) -> dict[Any, Any]:
     return {k: tuple(v.reshape(-1).tolist()) for k, v in found.items()} | {(Role.TIME, "t"): (t,)}
 
 
+def _first_times(model: Model) -> list[int]:
+    """By sets of states, one for each time."""
+    found = [NEVER] * model.n_states
+    level = set(np.flatnonzero(model.start).tolist())
+    for t in range(model.horizon or model.n_states):
+        for s in level:
+            found[s] = min(found[s], t)
+        P = model.step(t).P.tocoo()
+        acted = np.isin(P.row % model.n_states, sorted(level)) & (P.data > 0)
+        level = set(P.col[acted].tolist())
+    return found
+
+
 @pytest.mark.parametrize("task", CHECKED, ids=lambda t: t.name)
 def test_reachable_and_whole_models_agree(task: Task) -> None:
     whole = extract(task, reachable=False)
     reached = extract(task, reachable=True)
     assert reached.n_states == int(whole.entered.sum())
     assert list(whole.codes[whole.entered]) == list(reached.codes)
+    assert whole.first_times.tolist() == _first_times(whole)
     for rule in (solve.best, worst):
         assert whole.start @ rule(whole).value == pytest.approx(reached.start @ rule(reached).value, abs=1e-12)
     for step in whole.steps:
