@@ -12,6 +12,7 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import machine, need
 from taskspec.base.terminal import VisibleText, console
 from taskspec.cli.console import write_json
+from tests.benchmarks.peers import empty_scalar
 from tests.benchmarks.printed import Progress, footer, percent
 from tests.benchmarks.race import race, spread
 from tests.benchmarks.tables import PAIRS, Pair, pair
@@ -19,12 +20,13 @@ from tests.benchmarks.tables import PAIRS, Pair, pair
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Steps per second of both sides, round by round."""
+    """Steps per second of both sides, round by round; those of an empty step too, where one environment is measured."""
 
     pair: Pair
     ours: tuple[float, ...]
     theirs: tuple[float, ...]
     target: float | None
+    empty: tuple[float, ...] | None = None
 
     @property
     def ratios(self) -> tuple[float, ...]:
@@ -33,6 +35,13 @@ class Result:
     @property
     def ratio(self) -> float:
         return statistics.median(self.ratios)
+
+    @property
+    def of_empty(self) -> float | None:
+        """Our rate as a share of that of an empty step."""
+        if self.empty is None:
+            return None
+        return statistics.median(a / b for a, b in zip(self.ours, self.empty, strict=True))
 
     @property
     def met(self) -> bool:
@@ -61,15 +70,18 @@ def _chosen(names: Sequence[str]) -> list[Pair]:
 
 def _raced(task: Pair, lanes: int | None, backend: str, rounds: int, seconds: float, progress: Progress) -> Result:
     sides = pair(task, lanes, backend)
-    ours, theirs = race([side.make() for side in sides], rounds, seconds, tick=progress.tick)
-    return Result(task, ours, theirs, sides[0].target)
+    drives = [side.make() for side in sides]
+    if lanes is None:
+        drives.append(empty_scalar())
+    ours, theirs, *empty = race(drives, rounds, seconds, tick=progress.tick)
+    return Result(task, ours, theirs, sides[0].target, *empty)
 
 
 # -- output -------------------------------------------------------------------------------------------------------
 
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
-    target = ["target"] if lanes is None else []
+    target = ["target", "of empty"] if lanes is None else []
     table = Columns(
         "", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 8 + len(target))
     )
@@ -87,7 +99,7 @@ def _print(results: Sequence[Result], lanes: int | None) -> None:
             mark, VisibleText(r.pair.theirs, style="name"), f"{statistics.median(r.ours):,.0f}", percent(spread(r.ours)),
             f"{statistics.median(r.theirs):,.0f}", percent(spread(r.theirs)),
             VisibleText(f"{r.ratio:.1f}×", style="title"),
-            f"{low:.0f}–{high:.0f}", *([] if r.target is None else [f"{r.target:.0f}×"]),
+            f"{low:.0f}–{high:.0f}", *([] if r.target is None else [f"{r.target:.0f}×", percent(r.of_empty)]),
         )  # fmt: skip
     out = console(wide=True)
     out.print(table)
@@ -95,6 +107,9 @@ def _print(results: Sequence[Result], lanes: int | None) -> None:
     packages = ["python", "numpy", "gymnasium", "seals", *([] if lanes is None else ["numba"])]
     what = "" if lanes is None else f", {lanes} lanes, theirs in SyncVectorEnv"
     shown = f"steps per second, resets included{what}"
+    rates = [rate for r in results for rate in r.empty or ()]
+    if rates:
+        shown = f"{shown}; an empty step: {statistics.median(rates):,.0f}"
     footer(shown, len(results[0].ours), "processor", packages)
 
 
@@ -102,7 +117,8 @@ def _print_json(results: Sequence[Result], lanes: int | None, backend: str, roun
     rows: list[dict[str, Any]] = [
         {
             "task": r.pair.task, "seals": r.pair.rival, "ratio": r.ratio, "target": r.target,
-            "met": r.met, "steps_per_second": statistics.median(r.ours), "seals_steps_per_second": statistics.median(r.theirs),
+            "met": r.met, "of_empty": r.of_empty,
+            "steps_per_second": statistics.median(r.ours), "seals_steps_per_second": statistics.median(r.theirs),
             "rounds": {"taskspec": list(r.ours), "seals": list(r.theirs)},
         }
         for r in results

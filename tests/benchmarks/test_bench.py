@@ -169,12 +169,13 @@ def test_seals_beside_ours_alone_and_in_lanes() -> None:
     found = Done(*args, "--json").data
     assert [r["task"] for r in found["results"]] == ["derail/RiskyPathSeals-v0", "derail/SortSeals-v0"]
     assert all(r["ratio"] > 1 and r["target"] and len(r["rounds"]["seals"]) == 2 for r in found["results"])
+    assert all(0 < r["of_empty"] < 1 for r in found["results"])
     assert found["machine"]["versions"]["seals"] == "0.2.1"
     shown = Done(*args, columns=80).out
     assert "RiskyPath" in shown and max(map(len, shown.splitlines())) <= 80
     lanes = Done(*args, "--lanes", 4, "--backend", "numpy", "--json").data
     assert (lanes["lanes"], lanes["backend"]) == (4, "numpy")
-    assert all(r["target"] is None for r in lanes["results"])
+    assert all(r["target"] is None and r["of_empty"] is None for r in lanes["results"])
     assert "SyncVectorEnv" in Done(*args, "--lanes", 4, "--backend", "numpy").out
 
 
