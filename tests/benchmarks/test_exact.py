@@ -24,7 +24,7 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
     kernels = pytest.importorskip("taskspec.exact.solve.kernels_numba")
     monkeypatch.setattr(extraction, "TIDY", tidy)
     for task in (
-        benchmark.grid(70, 100),
+        benchmark.to_corner(70, 100).task,
         with_all_actions(build(source.read_file(spec_file("taxi")))),  # compiled sweeps know no masks
         shipped("risky_path"),
     ):
@@ -42,15 +42,25 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
 
 
 def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_built() -> None:
-    found = benchmark.run(
-        [(45, 20, (benchmark.entered, benchmark.declared, benchmark.storm, benchmark.loops))], repeat=1
-    )
+    """Episodes of 20 steps enter few of 12,100 cells; those of a smaller grid are all taken."""
+    large = benchmark.from_middle(110, 20)
+    small = benchmark.to_corner(45, 90)
+    plans = [
+        (large, (benchmark.ours, benchmark.storm, benchmark.declared)),
+        (small, (benchmark.ours, benchmark.storm, benchmark.loops)),
+    ]
+    found = benchmark.run(plans, repeat=1, apart=False)
     value = found[-1].value
-    assert [t.value for t in found] == pytest.approx([value] * len(found), abs=1e-9)
-    near = sum(abs(x - 5) + abs(y - 5) <= 20 for x in range(45) for y in range(45))
-    states = {t.name: t.states for t in found}
-    assert states.pop("taskspec, states entered") == near
-    assert set(states.values()) == {45 * 45}
+    assert 0 < value < 1
+    assert all(t.value == pytest.approx(value, abs=1e-9) for t in found if t.grid == small)
+    near = sum(abs(x) + abs(y) <= 20 for x in range(-20, 21) for y in range(-20, 21))
+    states = [(t.grid.n, t.name, t.states) for t in found if t.name != "Storm"]
+    assert states == [
+        (110, "taskspec", near),
+        (110, "taskspec, all states", 110 * 110),
+        (45, "taskspec", 45 * 45),
+        (45, "plain Python", 45 * 45),
+    ]
     text = benchmark.table(found)
     assert f"{near:,}" in text and f"{45 * 45:,}" in text and "plain Python" in text
     assert benchmark.record(found)[0]["total"] == found[0].total
