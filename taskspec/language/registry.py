@@ -59,7 +59,6 @@ def tasks_root() -> Path:
 
 @cache
 def shipped() -> dict[str, Entry]:
-    """Return the shipped tasks by id."""
     by_id = {}
     for folder in sorted(tasks_root().iterdir()):
         if folder.is_dir():
@@ -115,7 +114,6 @@ def add(entry: Entry) -> None:
 
 
 def task_ids() -> list[str]:
-    """Return the ids of all known tasks."""
     return sorted(known())
 
 
@@ -137,19 +135,19 @@ def load(
     Raises:
         SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
     """
-    found = _found(source, variant, parameters)
+    task = _found(source, variant, parameters)
     wanted = listed(modifiers)
     if isinstance(source, str):
         wanted = (*instance(source).modifiers, *wanted)
     if not wanted:
-        return found
+        return task
     from taskspec.language.modifiers import modify
 
-    return modify(found, *wanted)
+    return modify(task, *wanted)
 
 
 def role(task: Task, who: Literal["expert", "learner"]) -> Task:
-    """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
+    """Task in the variant in which the expert or the learner acts; the task itself where its spec has no roles."""
     key = task.roles.get(who)
     if key is None or key == task.source.variant:
         return task
@@ -157,7 +155,7 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
 
 
 def listed(modifiers: Any) -> tuple[Written, ...]:
-    """Return modifiers as a list, for a text and a mapping are iterables of something else.
+    """Check that modifiers are given as a list: a text and a mapping are iterable, too.
 
     Raises:
         SpecError: E718 for anything but a list or its like.
@@ -207,14 +205,16 @@ def instance(source: str) -> ids.InstanceId:
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
-    """Return a task with other values of parameters; in another variant the others have their defaults."""
+    """Rebuild a task with other values of parameters; another variant starts from its defaults."""
     if variant is None and not parameters:
         return task
     from taskspec.language.modifiers import modify
     from taskspec.language.task.build import build
 
     names = {p.alias: p.name for p in task.parameters}
-    given = {names.get(name, name): value for name, value in parameters.items()}
+    given = {}
+    for name, value in parameters.items():
+        given[names.get(name, name)] = value
     if not variant:
         given = {**task.given, **given}
     return modify(

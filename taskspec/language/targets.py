@@ -40,10 +40,10 @@ class File:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     modifiers: tuple[str, ...] = ()
     text: str | None = None
-    """The text, where it is not the one on disk: that of an editor."""
+    """The text in an editor, where it is not the one on disk."""
 
     def at(self, values: Mapping[str, Any], modifiers: Sequence[str] = ()) -> File:
-        """Return the same file with more values of parameters and more modifiers.
+        """Add values of parameters, and modifiers.
 
         Raises:
             SpecError: E713 for one that has a value.
@@ -72,46 +72,51 @@ def task_of(target: str, variant: str | None, parameters: Sequence[str], modifie
     Raises:
         SpecError: as `tasks_of`, and E713 for several values of a parameter.
     """
-    found = tasks_of(target, variant, parameters, modifiers)
-    if len(found) > 1:
+    tasks = tasks_of(target, variant, parameters, modifiers)
+    if len(tasks) > 1:
         raise spec_error("E713", "this command takes one value of each parameter")
-    return found[0]
+    return tasks[0]
 
 
 def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: Sequence[str] = ()) -> list[File]:
-    """Return the files behind targets, each once for each setting of parameters; without targets, those of all known tasks.
+    """Return the files behind targets, each once for each setting of parameters; without targets, the files of all known tasks.
 
     Raises:
         SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs; E713 as `settings`.
     """
     if targets:
-        found = [file for target in targets for file in _files(target)]
+        files = []
+        for target in targets:
+            files += _files(target)
     else:
-        found = _suites(registry.known().values())
-    return [file.at(values, modifiers) for file in _joined(found) for values in settings(parameters)]
+        files = _suites(registry.known().values())
+    chosen = []
+    for file in _joined(files):
+        for values in settings(parameters):
+            chosen.append(file.at(values, modifiers))
+    return chosen
 
 
 def others_of(targets: Sequence[str]) -> list[tuple[Path, Kind]]:
-    """Return the files behind targets that are not specs, kind by kind; without targets, those of all suites."""
-    found: list[tuple[Path, Kind]] = []
+    """Return the files behind targets that are not specs, kind by kind; without targets, the files of all suites."""
+    others: list[tuple[Path, Kind]] = []
     if not targets:
         for folder in sorted(registry.tasks_root().iterdir()):
-            found += _below(near(folder))
+            others += _below(near(folder))
     for target in targets:
         suite = registry.tasks_root() / target
         kind = kind_of(target)
         if kind is not None:
-            found.append((Path(target), kind))
+            others.append((Path(target), kind))
         elif Path(target).is_dir():
-            found += _below(Path(target))
+            others += _below(Path(target))
         elif target.isidentifier() and suite.is_dir():
-            found += _below(near(suite))
-    known = dict.fromkeys(other for other in found if other[1] in OTHERS)
+            others += _below(near(suite))
+    known = dict.fromkeys(other for other in others if other[1] in OTHERS)
     return sorted(known, key=lambda other: OTHERS.index(other[1]))
 
 
 def kind_of(target: str) -> Kind | None:
-    """Return the kind of the file that a target names; None where it names none."""
     path = Path(target)
     if not path.is_file():
         return None
@@ -119,11 +124,11 @@ def kind_of(target: str) -> Kind | None:
 
 
 def _below(folder: Path, depth: int = 2) -> list[tuple[Path, Kind]]:
-    found = registry.files_in(folder)
+    files = registry.files_in(folder)
     for inside in sorted(folder.iterdir()) if depth else ():
         if inside.is_dir() and not inside.name.startswith("."):
-            found += _below(inside, depth - 1)
-    return found
+            files += _below(inside, depth - 1)
+    return files
 
 
 def _files(target: str) -> list[File]:
@@ -147,11 +152,14 @@ def _files(target: str) -> list[File]:
 
 
 def _of_folder(folder: Path) -> list[File]:
-    found = [File(path, registry.suite_of(path)) for path, kind in _below(folder, 1) if kind == "taskspec"]
-    if not found and not any(kind in OTHERS for _, kind in _below(folder)):
+    specs = []
+    for path, kind in _below(folder, 1):
+        if kind == "taskspec":
+            specs.append(File(path, registry.suite_of(path)))
+    if not specs and not any(kind in OTHERS for _, kind in _below(folder)):
         hint = "`taskspec new Name` writes one to start from"
         raise spec_error("E710", f"there is no spec (*.yaml) in '{folder}'", hint)
-    return found
+    return specs
 
 
 def _suites(entries: Iterable[registry.Entry]) -> list[File]:
@@ -197,11 +205,13 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
                 hint = "for example: -p L=20, or -p L=5,10,20"
                 raise spec_error("E713", f"'-p {text}' is not of the form name=value", hint)
             values.setdefault(name, []).append(ids.read_value(value))
-    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+    combinations = []
+    for chosen in itertools.product(*values.values()):
+        combinations.append(dict(zip(values, chosen, strict=True)))
+    return combinations
 
 
 def _document(file: File) -> Document:
-    """Return the document of a file with a valid shape."""
     path = str(file.path)
     if file.text is None:
         document = registry.document(path)
@@ -230,7 +240,6 @@ def variants_of(file: File) -> list[str | None]:
 
 
 def name_of(file: File, variant: str | None) -> str:
-    """Return the name of a task of a file."""
     name = str(_document(file).data.get("name"))
     if variant is None:
         return name

@@ -40,7 +40,7 @@ from taskspec.language.draws.threefry import rows as rows
 from taskspec.language.draws.threefry import words as words
 
 xp: Any = np
-"""What entries of `taskspec.language.expressions.variates` compute with; the library for JAX has its own."""
+"""The array library of entries of `taskspec.language.expressions.variates`; the library for JAX has its own."""
 Reals = NDArray[np.float32]
 Ints = NDArray[np.int32]
 
@@ -70,7 +70,7 @@ LEAST = F(2**-126)  # the least normal float32; some machines flush what is belo
 
 NEVER = 1 << 32  # a threshold above every word
 POISSON_SHARE = 64  # the largest mean of one sequential search: exp(64) is well inside float32
-FAINTEST = 2.0**-80  # the least weight of a count in a Poisson table, relative to that of the mode
+FAINTEST = 2.0**-80  # the least weight of a count in a Poisson table, relative to the weight of the mode
 
 # -- float32 functions
 
@@ -92,7 +92,7 @@ def log(x: Reals) -> Reals:
 
 
 def exp(x: Reals) -> Reals:
-    """Return the exponential of x, within 2e-7 of itself; 0 below -87, and that of 88 above 88."""
+    """Exponential of x, with a relative error of at most 2e-7: 0 below -87, exp(88) above 88."""
     y = np.minimum(np.maximum(x, F(-87)), F(88))
     k = np.rint(y * LOG2E)
     f = (y - k * LN2_HIGH) - k * LN2_LOW  # the first product is exact
@@ -157,7 +157,7 @@ def exponentials(words: Words) -> Reals:
 
 
 def normal_words(n: int) -> int:
-    """Return how many words n normals take: one each, made even."""
+    """Count the words that n normals take: n, made even."""
     return n + (n & 1)
 
 
@@ -180,7 +180,7 @@ def normals(words: Words, n: int) -> Reals:
 
 
 def gamma_words(n: int) -> int:
-    """Return how many words n gamma variates take, or a Dirichlet draw of n parts."""
+    """Count the words that n gamma variates take, or a Dirichlet draw of n parts."""
     return GAMMA_WORDS * n
 
 
@@ -188,7 +188,7 @@ def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
     """Dirichlet shares: float32 (n, ...) from words (9 n, ...) and alphas (n,) or (n, ...).
 
     Gamma variates over their sum, from first to last; in logarithms, so that small alphas, whose gammas all vanish in float32,
-    still give a share of 1 to somebody. The largest gamma is taken out first, so that those of large alphas, which differ in
+    still give a share of 1 to somebody. The largest gamma is taken out first, so that gammas of large alphas, which differ in
     their last digits only, keep these. Shares up to LEAST are 0.
     """
     value, shrink = _gamma_parts(words, alphas)
@@ -204,8 +204,8 @@ def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
 def gammas(words: Words, alphas: ArrayLike) -> Reals:
     """Gamma variates: float32 (n, ...) from words (9 n, ...) and alphas (n,) or (n, ...); those up to LEAST are 0."""
     value, shrink = _gamma_parts(words, alphas)
-    found = value * exp(-shrink)
-    return np.where(found > LEAST, found, F(0))
+    values = value * exp(-shrink)
+    return np.where(values > LEAST, values, F(0))
 
 
 def _gamma_parts(words: Words, alphas: ArrayLike) -> tuple[Reals, Reals]:
@@ -267,10 +267,12 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
     where it comes last, it begins at 2^32 (`NEVER`), which no word reaches. Thresholds that must
     fit 32 bits may drop the `NEVER` at their end, or go through `threshold_table`.
 
-    What is no distribution means what it means to `weighted_categoricals`: a negative weight and NaN
+    Weights that are no distribution are read as by `weighted_categoricals`: a negative weight and NaN
     count as 0; where all do, or the total is infinite, the outcome is the last one.
     """
-    weights = [p if p > 0 else Fraction(0) for p in probabilities]
+    weights = []
+    for p in probabilities:
+        weights.append(p if p > 0 else Fraction(0))
     if not 0 < sum(weights) < math.inf:
         return (0,) * (len(weights) - 1)
     cumulative = list(accumulate(Fraction(w) for w in weights))
@@ -297,12 +299,11 @@ def categoricals(words: Words, thresholds: Sequence[int] | Words) -> Ints:
 
 
 def reachable(thresholds: Sequence[int]) -> Words:
-    """Return the thresholds that some word reaches, in 32 bits."""
     return np.array([t for t in thresholds if t < NEVER], np.uint32)
 
 
 def threshold_table(distributions: Sequence[Sequence[Fraction | float]]) -> tuple[Words, Ints]:
-    """Return distributions of one size that are chosen by row at run time, in 32 bits.
+    """Thresholds of distributions of one size; a row is chosen at run time.
 
     Gives thresholds (rows, k - 1), where `NEVER` has become 2^32 - 1, and the last outcome of
     positive probability (rows,), to which a draw is limited so that the difference cannot show.
@@ -384,12 +385,12 @@ def poisson_table(rate: float) -> tuple[int, tuple[int, ...]]:
 
 
 def poisson_words(bound: float) -> int:
-    """Return how many words a Poisson draw takes whose rate is at most ``bound``."""
+    """Count the words that a Poisson draw takes, with rates of at most ``bound``."""
     return max(1, math.ceil(bound / POISSON_SHARE))
 
 
 def poisson_terms(bound: float) -> int:
-    """Return the largest count that one of its words is searched for."""
+    """Largest count among the terms that one word is compared with."""
     first, table = poisson_table(bound / poisson_words(bound))
     return first + len(table)
 

@@ -4,11 +4,11 @@ A word is a pure function of (seed, phase, n, number of the word), so nothing is
 advances. The key is the seed; the counter is ``(n, slot)``. In phase ``STEP``, n counts the steps
 since ``reset(seed)``; in phase ``RESET`` it counts the episodes, and the slot's top bit is set, so
 the two phases never share a block. Word w of a phase is half ``w & 1`` of slot ``w >> 1``.
-What is drawn beside an environment has phases of its own, high above the slots that a step takes: ``POLICY`` for
+Draws beside an environment have phases of their own, high above the slots that a step takes: ``POLICY`` for
 the actions of policies, by step, and ``TEACHER`` for those who compare trajectories, by pair.
 
 Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; the
-rotations, the parity constant and the known answers are those of Random123.
+rotations, the parity constant and the known answers are from Random123.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def words(seed: int, phase: int, n: int, count: int) -> tuple[int, ...]:
 
 
 def rows(seed: int, phase: int, first_n: int, how_many: int, count: int) -> list[tuple[int, ...]]:
-    """Return the words of ``how_many`` consecutive n at once: row i is that of ``first_n + i``."""
+    """Words of ``how_many`` consecutive n at once: row i has the words of ``first_n + i``."""
     if not count:
         return [()] * how_many
     data = _packed_block(seed, phase, first_n, how_many, _slots(count))
@@ -237,7 +237,7 @@ def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> Non
 
 
 def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: bool) -> tuple[Words, Words]:
-    """Return all but the last addition of the key, in this thread's scratch arrays; of the first half, or of both."""
+    """Run all rounds but the last key addition, in this thread's scratch arrays; for the first half, or for both."""
     add = np.add
     left = np.left_shift
     right = np.right_shift

@@ -38,7 +38,7 @@ _NOT_TEXT = re.compile("[\0-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\u
 
 
 Kind: TypeAlias = Literal["taskspec", "experiment", "exam", "findings"]
-"""What a YAML file holds, by the key that says so: a spec, or something that goes with specs."""
+"""Kind of a YAML file, named by its first key: a spec, or something that goes with specs."""
 _OTHER_KINDS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
 
 Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]
@@ -76,10 +76,10 @@ def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], 
 
 def read_text(text: str, name: str = "<string>", known: Mapping[str, Document] | None = None) -> Document:
     """Read a spec from its text, and the files that it extends unless they are given."""
-    found = _read_text(text, name)
+    document = _read_text(text, name)
     if known is not None:
-        return replace(found, others=known)
-    return _with_others(found, (), {})
+        return replace(document, others=known)
+    return _with_others(document, (), {})
 
 
 def packed(document: Document) -> Packed:
@@ -89,15 +89,14 @@ def packed(document: Document) -> Packed:
 
 
 def unpacked(pack: Packed) -> Document:
-    """Return the document that `packed` was given."""
     text, name, rest = pack
     return read_text(text, name, {key: unpacked(other) for key, other in rest})
 
 
 def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> Document:
-    """Return a document with those that it and its variants extend; `chain` are the files that led to it, the outermost first."""
+    """Read the documents that a document and its variants extend; `chain` lists the files that led to it, the outermost first."""
     here = (*chain, os.path.normpath(document.origin.name))
-    found: dict[str, Document] = {}
+    named: dict[str, Document] = {}
     problems: list[Diagnostic] = []
     for path, name in _extended(document.data):
         try:
@@ -109,13 +108,17 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
                 raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
             if other not in known:
                 known[other] = _read_file(other, other, here, known)
-            found[name] = known[other]
+            named[name] = known[other]
         except SpecError as error:
-            problems += [d if d.span else replace(d, span=document.span(path)) for d in error.diagnostics]
+            for d in error.diagnostics:
+                if d.span:
+                    problems.append(d)
+                else:
+                    problems.append(replace(d, span=document.span(path)))
     if problems:
         raise SpecError(problems)
-    if found:
-        return replace(document, others=found)
+    if named:
+        return replace(document, others=named)
     return document
 
 
@@ -154,8 +157,13 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     traps: list[TextProblem] = []
     if composed.root is not None:
         traps = list(find(text, composed.root, composed.bad_keys))
-    findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
-    findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
+    findings = []
+    for each in traps:
+        if not any(stop.covers(each) for stop in stops):
+            findings.append(each)
+    for stop in stops:
+        if not any(each.covers(stop) for each in findings):
+            findings.append(stop)
     return composed.root, findings
 
 
@@ -164,10 +172,10 @@ def _before_reading(text: str) -> Iterable[TextProblem]:
         yield TextProblem(
             "E114", 0, 0, f"the file is larger than {limits().file:,} bytes", how_to_raise("file", len(text))
         )
-    elif found := _NOT_TEXT.search(text):
-        code_point = f"U+{ord(found.group()):04X}"
+    elif character := _NOT_TEXT.search(text):
+        code_point = f"U+{ord(character.group()):04X}"
         message = f"the character {code_point} is not allowed in a spec"
-        yield TextProblem("E113", found.start(), found.end(), message, "remove it")
+        yield TextProblem("E113", character.start(), character.end(), message, "remove it")
 
 
 def _decode(content: bytes, name: str) -> str:
@@ -186,7 +194,7 @@ def _decode(content: bytes, name: str) -> str:
 
 
 def _line_starts(text: str) -> list[int]:
-    return [0, *(found.end() for found in _BREAKS.finditer(text))]
+    return [0, *(line_break.end() for line_break in _BREAKS.finditer(text))]
 
 
 def _data(node: Node) -> Any:
@@ -203,8 +211,8 @@ def _data(node: Node) -> Any:
 
 # Reading on behind what stops the YAML parser, so that one run reports all of it.
 #
-# What was to be in quotes is covered up, character by character so that every place stays where it was, and the
-# text is read once more.
+# A value that lacks its quotes is covered up, character by character so that every place stays where it was, and the text is
+# read once more.
 
 _IN_QUOTES = frozenset({"E102", "E103", "E104", "E106"})
 """Findings whose text, in quotes, is a value: a word in its place leaves the rest as it is."""
@@ -215,7 +223,11 @@ _READ_AGAIN = 2_000_000
 
 
 def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
-    """Return the tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
+    """Parse a text again and again, each time with what stopped the parser covered up.
+
+    Returns:
+        The tree, and every problem that stopped the parser, in the order of the text.
+    """
     covered = text
     stops: list[TextProblem] = []
     for _ in range(max(1, _READ_AGAIN // (len(text) + 1))):

@@ -25,7 +25,7 @@ class RefusedError(Exception):
 
 
 def compose(text: str) -> nodes.Composed:
-    """Return the tree of a YAML text. Never raises for a bad text: what was wrong is in the result."""
+    """Parse a YAML text into a tree. Never raises for a bad text: the result says what was wrong."""
     builder = _Builder(text)
     result = builder.result
     loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)(text)  # libyaml is ten times faster, where it is there

@@ -39,10 +39,10 @@ class Document:
     @property
     def files(self) -> tuple[str, ...]:
         """The names of all documents that this one rests on, without its own."""
-        found: list[str] = []
+        names: list[str] = []
         for other in self.others.values():
-            found += (other.origin.name, *other.files)
-        return tuple(dict.fromkeys(found))
+            names += (other.origin.name, *other.files)
+        return tuple(dict.fromkeys(names))
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
         """Return the place of a value, or of the characters `start` to `end` of a text's value.
@@ -110,18 +110,18 @@ class Document:
         """Offsets in the file of a range of a scalar's value; an empty range has an empty place."""
         if id(node) not in self._places:
             self._places[id(node)] = places(self.origin.text, node)
-        found = self._places[id(node)]
-        first = max(0, min(start or 0, len(found)))
-        last = len(found)
+        ranges = self._places[id(node)]
+        first = max(0, min(start or 0, len(ranges)))
+        last = len(ranges)
         if end is not None:
             last = max(first, min(end, last))
         if first < last:
-            return found[first][0], found[last - 1][1]
+            return ranges[first][0], ranges[last - 1][1]
         where = node.end
-        if first < len(found):
-            where = found[first][0]
-        elif found:
-            where = found[-1][1]
+        if first < len(ranges):
+            where = ranges[first][0]
+        elif ranges:
+            where = ranges[-1][1]
         return where, where
 
     def _between(self, start: int, end: int) -> Span:

@@ -91,7 +91,7 @@ class Composed:
     bad_keys: list[Node] = field(default_factory=list)
 
 
-# What an author meant to write at a place: where it ends, and how to write it in quotes.
+# The value that an author meant to write at a place: its end, and its form in quotes.
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
 _LONGEST = 70  # longer than this, a value is cut in a message
@@ -114,14 +114,14 @@ SPECIAL = {
 }
 
 FENCE = "```"
-"""What stands above and below code in Markdown."""
+"""The line above and below code in Markdown."""
 
 TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
 """Quotes that quote in books, and nothing in YAML."""
 
 
 def value_end(text: str, start: int, in_flow: bool) -> int:
-    """Return where a value was meant to end: with its line or, in flow style, at a comma, colon or bracket not its own."""
+    """Offset at which a value was meant to end: the end of its line or, in flow style, a comma, colon or bracket not its own."""
     closers: list[str] = []
     at = start
     while at < len(text):
@@ -139,7 +139,6 @@ def value_end(text: str, start: int, in_flow: bool) -> int:
 
 
 def is_closed(text: str, start: int) -> bool:
-    """Return whether the bracket that stands at `start` is closed somewhere."""
     if text[start] not in _PAIRS:
         return True  # one pair in a list, `[a: b]`, is a mapping without braces
     closers: list[str] = []
@@ -154,7 +153,7 @@ def is_closed(text: str, start: int) -> bool:
 
 
 def quoted(written: str) -> str:
-    """Return a text as a YAML string: in double quotes unless it holds some itself; those of typography around it are dropped."""
+    """Write a text as a YAML string, in double quotes unless it contains some; typographic quotes around it are dropped."""
     words = " ".join(written.split())
     if words[:1] in TYPOGRAPHIC and words[-1:] in TYPOGRAPHIC:
         words = words[1:-1].strip()
@@ -164,7 +163,7 @@ def quoted(written: str) -> str:
 
 
 def in_quotes(written: str) -> str:
-    """Return the advice to put a text in quotes, ready to be pasted unless it is very long."""
+    """Advise to put a text in quotes, ready to be pasted unless it is very long."""
     advice = "put this text in quotes"
     if len(written) <= _PASTED:
         return Advice(f"{advice}: {quoted(written)}", written, quoted(written))
@@ -172,7 +171,7 @@ def in_quotes(written: str) -> str:
 
 
 def shown(written: str) -> str:
-    """Return a piece of the author's text for a message: on one line, and cut when long."""
+    """Shorten an author's text to one line of a message."""
     words = " ".join(written.split())
     if len(words) <= _LONGEST:
         return words
@@ -180,7 +179,7 @@ def shown(written: str) -> str:
 
 
 def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
-    """Return the finding that a value starts with a character of YAML's own."""
+    """Report a value that starts with a special character of YAML."""
     char = text[start]
     if text.startswith(FENCE, start):
         message = "this line is not part of the spec: it marks code in Markdown"
@@ -191,15 +190,13 @@ def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
 
 
 def line_start(text: str, at: int) -> int:
-    """Return the offset of the first character of the line that holds an offset."""
     return max(text.rfind("\n", 0, at), text.rfind("\r", 0, at)) + 1
 
 
 def line_end(text: str, at: int) -> int:
-    """Return the offset of the line break that ends the line that holds an offset."""
-    found = re.compile(r"[\r\n]").search(text, at)
-    if found:
-        return found.start()
+    line_break = re.compile(r"[\r\n]").search(text, at)
+    if line_break:
+        return line_break.start()
     return len(text)
 
 
@@ -231,7 +228,7 @@ _ESCAPES = {
 
 
 def resolve(text: str) -> str | int | float | bool | None:
-    """Return the value of a plain scalar by YAML 1.2's core schema: null, a truth value, a number, or else the text itself."""
+    """Convert a plain scalar by YAML 1.2's core schema: to null, a truth value or a number, else it is text."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     if text[0] not in "+-.0123456789" or len(text) > Limits.digits:
@@ -250,28 +247,27 @@ def resolve(text: str) -> str | int | float | bool | None:
 
 
 def is_overlong_number(text: str) -> bool:
-    """Return whether a plain scalar is a number with more digits than anybody needs."""
     return len(text) > Limits.digits and any(form.fullmatch(text) for form in (_INT, _FLOAT, _HEX))
 
 
 def places(text: str, scalar: ScalarNode) -> list[tuple[int, int]]:
-    """Return for every character of a scalar's value the range of `text` that it was written as."""
+    """Ranges of `text` that the characters of a scalar's value were written as, one for each character."""
     match scalar.style:
         case "plain":
-            found = _flow(text, scalar.start, scalar.end, scalar.style)
+            written = _flow(text, scalar.start, scalar.end, scalar.style)
         case "'" | '"':
-            found = _flow(text, scalar.start + 1, scalar.end - 1, scalar.style)
+            written = _flow(text, scalar.start + 1, scalar.end - 1, scalar.style)
         case "|" | ">":
-            found = _block(text, scalar)
-    found = found[: len(scalar.value)]
-    if "".join(char for char, _, _ in found) != scalar.value:
+            written = _block(text, scalar)
+    written = written[: len(scalar.value)]
+    if "".join(char for char, _, _ in written) != scalar.value:
         # Some corner of YAML that is not covered: point at the scalar as a whole rather than lie.
         return [(scalar.start, scalar.end)] * len(scalar.value)
-    return [(start, end) for _, start, end in found]
+    return [(start, end) for _, start, end in written]
 
 
 def _flow(text: str, start: int, end: int, style: Style) -> list[Place]:
-    found: list[Place] = []
+    characters: list[Place] = []
     at = start
     while at < end:
         char = text[at]
@@ -282,21 +278,22 @@ def _flow(text: str, start: int, end: int, style: Style) -> list[Place]:
             at = blank.end()
             breaks = len(_BREAK.findall(blank.group()))
             if not breaks:
-                found += [(text[i], i, i + 1) for i in range(begin, at)]
+                for i in range(begin, at):
+                    characters.append((text[i], i, i + 1))
             elif breaks == 1:
-                found.append((" ", begin, at))
+                characters.append((" ", begin, at))
             else:
-                found += [("\n", begin, at)] * (breaks - 1)
+                characters += [("\n", begin, at)] * (breaks - 1)
         elif char == "'" == style:
             at += 2
-            found.append(("'", begin, at))
+            characters.append(("'", begin, at))
         elif char == "\\" and style == '"':
             chars, at = _escaped(text, at)
-            found += [(each, begin, at) for each in chars]
+            characters += [(each, begin, at) for each in chars]
         else:
             at += 1
-            found.append((char, begin, at))
-    return found
+            characters.append((char, begin, at))
+    return characters
 
 
 def _escaped(text: str, at: int) -> tuple[str, int]:
@@ -320,7 +317,7 @@ def _block(text: str, scalar: ScalarNode) -> list[Place]:
     header = _BREAK.search(text, scalar.start, scalar.end)
     if header is None:
         return []
-    found: list[Place] = []
+    characters: list[Place] = []
     at = header.end()
     indent = _indentation(text, at, scalar.value)
     while at < len(text):
@@ -329,18 +326,19 @@ def _block(text: str, scalar: ScalarNode) -> list[Place]:
         body = text[at:end]
         if body.strip(" ") and not body.startswith(" " * indent):
             break
-        found += [(text[i], i, i + 1) for i in range(min(at + indent, end), end)]
+        for i in range(min(at + indent, end), end):
+            characters.append((text[i], i, i + 1))
         at = len(text)
         if stop:
             at = stop.end()
-            wanted = scalar.value[len(found) : len(found) + 1]
+            wanted = scalar.value[len(characters) : len(characters) + 1]
             if wanted in ("\n", " "):
-                found.append((wanted, end, at))
-    return found
+                characters.append((wanted, end, at))
+    return characters
 
 
 def _indentation(text: str, at: int, value: str) -> int:
-    """Return how far a block scalar is indented: its first text in the file, against that in the value."""
+    """Indentation of a block scalar: column of its first character in the file, less its column in the value."""
     first = re.compile(r"[^ \r\n]").search(text, at)
     inner = re.compile(r"[^ \n]").search(value)
     if first is None or inner is None:

@@ -24,7 +24,7 @@ _SPECIAL_PROBLEMS = (
 
 
 def explain(text: str, syntax: nodes.Syntax) -> nodes.TextProblem:
-    """Return the finding for a text that the YAML parser refused."""
+    """Explain why the YAML parser refused a text: the first rule that applies."""
     for rule in _RULES:
         if finding := rule(text, syntax):
             return finding
@@ -84,7 +84,7 @@ def _colon_missing(text: str, start: int) -> nodes.TextProblem:
 
 
 def _split_by_bracket(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
-    """Return the finding for an index or a call between braces or brackets: `{x: p[0]}`."""
+    """Explain an index or a call between braces or brackets: `{x: p[0]}`."""
     last = syntax.last
     if not syntax.in_flow or text[syntax.at : syntax.at + 1] not in ("[", "{"):
         return None
@@ -94,7 +94,7 @@ def _split_by_bracket(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | No
 
 
 def _not_closed(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
-    """Return the finding for a bracket without its partner: the parser ran into the end, or into the next key."""
+    """Explain a bracket without its partner: the parser ran into the end, or into the next key."""
     if syntax.in_flow:
         for node in syntax.open:
             if node.flow and not nodes.is_closed(text, node.start):
@@ -220,10 +220,10 @@ def _scalar(text: str, node: nodes.ScalarNode) -> Iterator[nodes.TextProblem]:
         message = f"a number of {len(node.value)} digits"
         yield nodes.TextProblem("E114", node.start, node.end, message, "a float keeps about 16 digits")
     if node.style == '"':
-        for found in _TEX.finditer(text, node.start, node.end):
-            if found.group(1):
-                message = f"`\\{found.group(1)[0]}` between double quotes is a control character"
-                yield nodes.TextProblem("E117", found.start(), found.start() + 2, message, _BACKSLASH)
+        for escape in _TEX.finditer(text, node.start, node.end):
+            if escape.group(1):
+                message = f"`\\{escape.group(1)[0]}` between double quotes is a control character"
+                yield nodes.TextProblem("E117", escape.start(), escape.start() + 2, message, _BACKSLASH)
 
 
 def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
@@ -236,11 +236,17 @@ def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
 def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
-    without = [key for key, value in node.entries if isinstance(value, nodes.ScalarNode) and _is_absent(value)]
+    without = []
+    for key, value in node.entries:
+        if isinstance(value, nodes.ScalarNode) and _is_absent(value):
+            without.append(key)
     if without and len(without) == len(node.entries) and ":" not in text[node.start : node.end]:
         yield _brace(text, node, in_flow=True)
         return
-    cuts = list(_cut(text, [part for entry in node.entries for part in entry]))
+    parts: list[nodes.Node] = []
+    for entry in node.entries:
+        parts += entry
+    cuts = list(_cut(text, parts))
     yield from cuts
     for key in without:
         message = f"the key `{nodes.shown(key.value)}` has no value"
