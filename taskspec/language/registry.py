@@ -239,7 +239,10 @@ def find(task_id: str) -> Entry:
     entries = known()
     if task_id in entries:
         return entries[task_id]
-    matches = [e for e in entries.values() if task_id in (f"{e.suite}/{e.name}", e.name, f"{e.name}-v{e.version}")]
+    matches = []
+    for e in entries.values():
+        if task_id in (f"{e.suite}/{e.name}", e.name, f"{e.name}-v{e.version}"):
+            matches.append(e)
     if len(matches) == 1:
         return matches[0]
     if matches:

@@ -142,7 +142,10 @@ def _files(target: str) -> list[File]:
         if kind_of(target) in (None, "taskspec"):
             return [File(path, registry.suite_of(path))]
         return []
-    suite = [e for e in registry.known().values() if e.suite == target]
+    suite = []
+    for e in registry.known().values():
+        if e.suite == target:
+            suite.append(e)
     if suite:
         return _suites(suite)
     if target.startswith((".", "/", "~")) or target.endswith("/"):

@@ -108,11 +108,11 @@ class ReferenceRun:
         """The actions of each step, as Gymnasium has them, and the values of each lane after it."""
         assert self.first
         rng = np.random.default_rng(SEED)
-        found = []
+        trajectory = []
         for _ in range(max(1, min(self.count, WORK // (LANES * self.size)))):
             actions = random_actions(self.task.action_layout, rng)
-            found.append((actions, self._lanes.step(actions)))
-        return found
+            trajectory.append((actions, self._lanes.step(actions)))
+        return trajectory
 
     @cached_property
     def _lanes(self) -> ReferenceLanes:
@@ -260,7 +260,7 @@ class ReferenceLanes:
         return [self._begin(lane) | self._present(lane) for lane in self._lanes]
 
     def step(self, actions: Array) -> list[Seen]:
-        found = []
+        results = []
         for lane, action in zip(self._lanes, actions, strict=True):
             left = lane.state
             flats, reward, terminated, truncated = lane.step(unpack(self._task.action_layout, action))
@@ -271,8 +271,8 @@ class ReferenceLanes:
                 seen[name] = self._info(states[name])
             if terminated or truncated:
                 seen |= self._begin(lane)
-            found.append(seen | self._present(lane))
-        return found
+            results.append(seen | self._present(lane))
+        return results
 
     def _begin(self, lane: ReferenceProgram) -> Seen:
         return {FIRST: pack(self._task.observation_layout, lane.reset())}
@@ -303,7 +303,7 @@ class ScalarLanes:
         return [self._begin(i) | self._present(i) for i in range(LANES)]
 
     def step(self, actions: Array) -> list[Seen]:
-        found = []
+        results = []
         for i, action in enumerate(actions):
             observation, reward, terminated, truncated, info = self._lanes[i].step(action)
             if self._task.process.measures:
@@ -315,8 +315,8 @@ class ScalarLanes:
                 seen[name] = np.ravel(info[name])
             if terminated or truncated:
                 seen |= self._begin(i)
-            found.append(seen | self._present(i))
-        return found
+            results.append(seen | self._present(i))
+        return results
 
     def follow(self, seen: Sequence[Seen]) -> None:
         """Nothing to take over: states are equal."""
@@ -364,15 +364,15 @@ class VectorLanes:
         b = self._engine.buffers
         seen = b.seen.view()
         final = b.final.view()
-        found = []
+        results = []
         for i in range(LANES):
             measures = {name: b.measures[k][i] for k, name in enumerate(self._task.process.measures)}
             shown = final if b.ended[i] else seen
             step = _step(part_at(shown, i), b.reward[i], b.terminated[i], b.truncated[i], measures)
             if b.ended[i]:
                 step[FIRST] = part_at(seen, i)
-            found.append(step | self._present(i))
-        return found
+            results.append(step | self._present(i))
+        return results
 
     def follow(self, seen: Sequence[Seen]) -> None:
         if are_finite(self._task.state):

@@ -27,10 +27,10 @@ from taskspec.language.task.task import Task
 
 def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, bool]:
     """For every node, by id, whether `own` is true of it and of all nodes below it."""
-    found: dict[int, bool] = {}
+    known: dict[int, bool] = {}
     for node in walk(roots):
-        found[id(node)] = own(node) and all(found[id(c)] for c in children(node))
-    return found
+        known[id(node)] = own(node) and all(known[id(c)] for c in children(node))
+    return known
 
 
 def _maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
@@ -160,9 +160,9 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
     A word is read as the int variable of `word_names`, less `bias` (2**31 where ints have 32 bits).
     """
     before: tuple[Node, ...] = ()
-    found = tuple(roots)
-    while found != before:  # arguments of draws may hold draws
-        before = found
+    rewritten = tuple(roots)
+    while rewritten != before:  # arguments of draws may hold draws
+        before = rewritten
         comparisons: dict[int, Node] = {}
         for draw in draws(before):
             words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
@@ -172,8 +172,8 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
             elif elements is not None:
                 vector = b.structure("vector", elements)
                 comparisons[id(draw)] = b.structure("reshape", [vector], draw.type.shape)
-        found = rewrite(before, comparisons, b.remake)
-    return found
+        rewritten = rewrite(before, comparisons, b.remake)
+    return rewritten
 
 
 def word_names(draw: Draw) -> tuple[str, ...]:
@@ -203,10 +203,15 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
         if id(node) in seen:
             continue
         seen.add(id(node))
-        found = finite[id(node)]
-        if found and isinstance(node, Apply) and node.type.is_scalar and _operations(node) > 2 * len(found):
+        finite_reads = finite[id(node)]
+        if (
+            finite_reads
+            and isinstance(node, Apply)
+            and node.type.is_scalar
+            and _operations(node) > 2 * len(finite_reads)
+        ):
             # The index of a table takes an operation or two for every read but the first.
-            tables[id(node)] = _table(b, node, found)
+            tables[id(node)] = _table(b, node, finite_reads)
         else:
             stack.extend(children(node))
     return folded(b, rewrite(roots, tables, b.remake))
@@ -221,18 +226,18 @@ def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: 
     if isinstance(node, Draw):
         return None
     if isinstance(node, Read):
-        found = {node}
+        reads = {node}
     else:
-        found = set[Read]()
+        reads = set[Read]()
     for child in children(node):
         below = finite[id(child)]
         if below is None:
             return None
-        found |= below
+        reads |= below
     if isinstance(node, Read) and not node.type.is_scalar:
         return None
-    if math.prod(map(_count, found)) <= cells:
-        return frozenset(found)
+    if math.prod(map(_count, reads)) <= cells:
+        return frozenset(reads)
     return None
 
 
@@ -244,9 +249,9 @@ def _count(read: Read) -> float:
     return math.inf
 
 
-def _table(b: Builder, node: Node, found: frozenset[Read]) -> Node:
+def _table(b: Builder, node: Node, variables: frozenset[Read]) -> Node:
     """Return a node as a look-up; the reads are the digits of the place, the last one fastest."""
-    reads = sorted(found, key=lambda r: (r.role.value, r.name))
+    reads = sorted(variables, key=lambda r: (r.role.value, r.name))
     counts = [int(_count(r)) for r in reads]
     places = np.indices(counts).reshape(len(reads), -1)
     points: dict[tuple[Role, str], Array] = {}
@@ -307,10 +312,10 @@ def _is_matrix(table: Const, row: Node) -> bool:
 
 
 def _fold_function(b: Builder, node: Apply) -> Node:
-    found = [a for a in node.args if not isinstance(a, Const)]
-    if len(set(map(id, found))) != 1:
+    variable = [a for a in node.args if not isinstance(a, Const)]
+    if len(set(map(id, variable))) != 1:
         return node
-    match found[0]:
+    match variable[0]:
         case Apply(op="index", args=(Const() as table, place)) as inner:
             if len(table.type.shape) != 1 or not place.type.is_scalar:
                 return node

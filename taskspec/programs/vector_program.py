@@ -52,15 +52,15 @@ class Values:
 
     def segments(self) -> list[Array]:
         """Return the arrays of the layout's segments, in this memory: (*shape, lanes) of the component, or a row a value."""
-        found = []
+        arrays = []
         for segment in self.layout.segments:
             raw = self.parts[segment.part]
             lanes = raw.shape[-1]
             rows = raw.reshape(-1, lanes)[segment.first : segment.first + segment.size]
             if segment.values is None:
                 rows = rows.reshape(*self.layout.components[segment.component].type.shape, lanes)
-            found.append(rows)
-        return found
+            arrays.append(rows)
+        return arrays
 
 
 @dataclass
@@ -112,24 +112,24 @@ class Buffers:
 
     def arrays(self) -> list[Array]:
         """Return all arrays, in a fixed order."""
-        found: list[Array] = []
-        self._mapped(found.append)
-        return found
+        listed: list[Array] = []
+        self._mapped(listed.append)
+        return listed
 
     def part(self, lanes: slice) -> Buffers:
         """Return a range of the lanes, sharing memory."""
         return Buffers(**self._mapped(lambda array: array[..., lanes]))
 
     def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        mapped: dict[str, Any] = {}
         for name, held in vars(self).items():
             if isinstance(held, Values):
-                found[name] = Values(held.layout, tuple(map(function, held.parts)))
+                mapped[name] = Values(held.layout, tuple(map(function, held.parts)))
             elif isinstance(held, tuple):
-                found[name] = tuple(map(function, held))
+                mapped[name] = tuple(map(function, held))
             else:
-                found[name] = function(held)
-        return found
+                mapped[name] = function(held)
+        return mapped
 
 
 class BadActionError(Exception):
@@ -195,7 +195,7 @@ def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
             inside = np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()
         if not inside:
             raise BadActionError
-        found = []
+        components = []
         for c, segment in segments:
             values = rows[segment.first : segment.first + segment.size]
             if segment.starts:
@@ -204,8 +204,8 @@ def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
                 values = np.rint(values)
             if c.type.kind is Kind.BOOL:
                 values = values != 0
-            found.append(values.astype(DTYPES[c.type.kind], copy=False).reshape(*c.type.shape, lanes))
-        return tuple(found)
+            components.append(values.astype(DTYPES[c.type.kind], copy=False).reshape(*c.type.shape, lanes))
+        return tuple(components)
 
     return read
 

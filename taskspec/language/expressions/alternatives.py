@@ -58,8 +58,11 @@ def select(
                 decided = decided or node.value
         jobs.append((checker, expr, scope, domain, excluded))
     values = checker.each(_branch, jobs)
-    found = [(v, e, c) for v, e, c in zip(values, exprs, [*conditions, None], strict=True) if v is not None]
-    known, theirs, under = zip(*found, strict=True)
+    present = []
+    for v, e, c in zip(values, exprs, [*conditions, None], strict=True):
+        if v is not None:
+            present.append((v, e, c))
+    known, theirs, under = zip(*present, strict=True)
     nodes, domain = unify(checker, known, theirs, want)
     result = nodes[-1]  # where that of `otherwise` is missing, a condition above holds
     for condition, node in zip(reversed(under[:-1]), reversed(nodes[:-1]), strict=True):
@@ -77,10 +80,10 @@ def _branch(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | Non
     if not excluded:
         return checker.value(expr, scope, want)
     with checker.lenient(), checker.builder.written() as made:
-        found = checker.check(expr, scope, want)
-    if found is None and (made or _draws(checker, expr, scope, set())):
+        value = checker.check(expr, scope, want)
+    if value is None and (made or _draws(checker, expr, scope, set())):
         return checker.value(expr, scope, want)
-    return found
+    return value
 
 
 def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) -> bool:
@@ -116,13 +119,15 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
     if want is not None or len(exprs) < 2:
         return [want] * len(exprs)
     parts = [tuple(s.alternatives(e)) for e in exprs]
-    domains = (domain_of(part, scope) for part in itertools.chain(*parts))
-    beside = next((domain for domain in domains if domain is not None), None)
-    found: list[Domain | None] = []
+    beside = None
+    for part in itertools.chain(*parts):
+        if beside is None:
+            beside = domain_of(part, scope)
+    wants: list[Domain | None] = []
     for group in parts:
         are_labels = all(may_be_label(part, scope) for part in group)
-        found.append(beside if are_labels else None)
-    return found
+        wants.append(beside if are_labels else None)
+    return wants
 
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
@@ -268,10 +273,10 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
     nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
     taken = iter(nodes)
-    found = _Table(checker, columns, [key for key, _ in leaves], expr)
+    lookup = _Table(checker, columns, [key for key, _ in leaves], expr)
     most = max(map(len, cells))
     if most == 1:
-        return Value(found.look_up(nodes), domain)
+        return Value(lookup.look_up(nodes), domain)
     b = checker.builder
     zero = b.const(0, Type(Kind.REAL))
     rows = []
@@ -281,8 +286,8 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
         v = list(itertools.islice(taken, len(cell)))
         rows.append(b.structure("vector", v + [v[-1]] * missing))
         probabilities.append(b.structure("vector", [p for _, _, p in cell] + [zero] * missing))
-    index = b.draw("categorical", (found.look_up(probabilities),), Type(Kind.INT))
-    return Value(b.structure("index", [found.look_up(rows), index]), domain)
+    index = b.draw("categorical", (lookup.look_up(probabilities),), Type(Kind.INT))
+    return Value(b.structure("index", [lookup.look_up(rows), index]), domain)
 
 
 def _column(checker: BaseChecker, expr: s.Expr, scope: Scope) -> _Column:
@@ -329,7 +334,9 @@ def _refuse_unclear(
 
 
 def _mapping(keys: Sequence[str], cells: Sequence[str]) -> str:
-    entries = [f"{key}: {cell}" for key, cell in zip(keys, cells, strict=True)]
+    entries = []
+    for key, cell in zip(keys, cells, strict=True):
+        entries.append(f"{key}: {cell}")
     return f"{{{', '.join(entries)}}}"
 
 
@@ -537,7 +544,10 @@ def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
     if values is None or len(named) < len(values):
         named.add(None)  # stands for the values without a row of their own
     for value in named:
-        rest = [k[1:] for k in keys if k[0] is None or k[0] == value]
+        rest = []
+        for k in keys:
+            if k[0] is None or k[0] == value:
+                rest.append(k[1:])
         if not _covers(rest, columns[1:]):
             return False
     return True

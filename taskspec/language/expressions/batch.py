@@ -144,10 +144,10 @@ class Runtime:
             best = xp.argmax
         if rows.dtype.kind in "iub":
             return best(rows, axis=0).astype(self.int)
-        found = best(xp.where(rows != rows, direction * xp.inf, rows), axis=0)
+        place = best(xp.where(rows != rows, direction * xp.inf, rows), axis=0)
         first_number = xp.argmax(rows == rows, axis=0)
-        hidden = xp.take_along_axis(rows, found[None], axis=0)[0]
-        return xp.where(hidden != hidden, first_number, found).astype(self.int)
+        hidden = xp.take_along_axis(rows, place[None], axis=0)[0]
+        return xp.where(hidden != hidden, first_number, place).astype(self.int)
 
     def min(self, x: AnyArray) -> AnyArray:
         rows = self.rows(x)
@@ -264,11 +264,11 @@ def evaluate(
         values[place] = reads[key]
     with np.errstate(all="ignore"):
         for place, operation, args in plan.steps:
-            found = [values[i] for i in args]
+            arguments = [values[i] for i in args]
             if isinstance(operation, Draw):
-                values[place] = sample(operation, found)
+                values[place] = sample(operation, arguments)
             else:
-                values[place] = operation(*found)
+                values[place] = operation(*arguments)
     return [values[i] for i in plan.roots]
 
 
@@ -331,6 +331,9 @@ def function(op: str, kind: Kind) -> Callable[..., Any]:
     if kind is Kind.REAL and form.real:
         template = form.real
     names = [f"a{i}" for i in range(3)]
-    used = [n for i, n in enumerate(names) if f"{{{i}}}" in template]
+    used = []
+    for i, n in enumerate(names):
+        if f"{{{i}}}" in template:
+            used.append(n)
     source = f"lambda xp, rt, {', '.join(used)}: {template.format(*names)}"
     return eval(source, {})  # type: ignore[no-any-return]  # noqa: S307  # our own table, never a spec's text

@@ -41,7 +41,10 @@ def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Typ
     """Return the elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
-    reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
+    reals = []
+    for c in constants:
+        if c.type.kind is Kind.REAL:
+            reals.append(c.flat)
     if result.kind is not Kind.REAL and _has_float(reals):
         flats = [tuple(map(plain, flat)) for flat in flats]
     return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
@@ -182,14 +185,14 @@ class Builder:
 
         They count in enclosing blocks as well, unless they stand `apart`.
         """
-        found: dict[int, Draw] = {}
-        self._written.append(found)
+        draws: dict[int, Draw] = {}
+        self._written.append(draws)
         try:
-            yield found
+            yield draws
         finally:
             self._written.pop()
             if not apart:
-                self.name_draws(found.values())
+                self.name_draws(draws.values())
 
     def name_draws(self, draws: Iterable[Draw]) -> None:
         """Count draws as written here: new ones, or those of a noise that is named."""

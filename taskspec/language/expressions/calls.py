@@ -8,7 +8,7 @@ end.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
@@ -137,7 +137,9 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
     checker.expand(expr)
     values = checker.each(checker.value, [(e, scope) for e in expr.args])
     _check_count(checker, expr, function.signature, function.accepts(len(values)))
-    given = [named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+    given = []
+    for v, e in zip(values, expr.args, strict=True):
+        given.append(named(v, e, scope))
     return _applied(checker, function, expr, given, want)
 
 
@@ -174,17 +176,17 @@ def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
     if x.type.is_scalar:
         checker.fail("E306", vector, f"{expr.function} goes through a vector, not {x.type}")
     checker.expand(expr, x.type.shape[0])
-    found = []
+    results = []
     is_late = varies(expr, scope)
     for i in range(x.type.shape[0]):
         element = Value(checker.builder.structure("element", [x], (i,)), late=varies(vector, scope))
         value = replace(_applied(checker, step, expr, [value, element]), late=is_late)
-        found.append(checker.number_of(value))
+        results.append(checker.number_of(value))
     if expr.function == "fold":
         return value
-    if not have_one_shape(found):
+    if not have_one_shape(results):
         checker.fail("E307", expr, "the intermediate values have different shapes")
-    return Value(checker.stack(found, expr))
+    return Value(checker.stack(results, expr))
 
 
 # -- distributions ------------------------------------------------------------------------------------------------
@@ -229,13 +231,17 @@ def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scop
             checker.fail("E306", place, f"'{name}' of {dist.name} must be a vector")
     if dist is dists.CATEGORICAL or not dist.shaped:
         return nodes, shape or ()
-    found = {n.type.shape for n in nodes.values() if n.type.shape}
-    if shape is not None:
-        found.add(shape)
-    if len(found) > 1:
-        shapes = " and ".join(str(list(x)) for x in sorted(found))
-        checker.fail("E307", expr, f"the shapes {shapes} do not match")
-    return nodes, found.pop() if found else ()
+    return nodes, _joint_shape(checker, nodes.values(), shape, expr)
+
+
+def _joint_shape(checker: BaseChecker, nodes: Iterable[Node], asked: Shape | None, expr: s.Expr) -> Shape:
+    shapes = {node.type.shape for node in nodes if not node.type.is_scalar}
+    if asked is not None:
+        shapes.add(asked)
+    if len(shapes) > 1:
+        listed = " and ".join(str(list(shape)) for shape in sorted(shapes))
+        checker.fail("E307", expr, f"the shapes {listed} do not match")
+    return max(shapes, default=())
 
 
 def _given(
@@ -280,7 +286,10 @@ def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, N
         node = nodes[argument.name]
         if isinstance(node, Const) and node.type.size:
             _check_argument(checker, dist, argument, node, expr)
-    ends = [n for n in (nodes.get("low"), nodes.get("high")) if isinstance(n, Const) and n.type.is_scalar]
+    ends = []
+    for n in (nodes.get("low"), nodes.get("high")):
+        if isinstance(n, Const) and n.type.is_scalar:
+            ends.append(n)
     if len(ends) == 2:
         low, high = ends
         if low.value > high.value:
@@ -396,11 +405,11 @@ def _index_argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, sc
     if len(axes) == 1 or index.type.shape != (len(axes),):
         return _index_of_axis(checker, index, axes[0], expr, scope)
     written: Sequence[s.Expr] = expr.items if isinstance(expr, s.Vector) else [expr] * len(axes)
-    found = []
+    indices = []
     for k, length in enumerate(axes):
         part = checker.builder.structure("element", [index], (k,))
-        found.append(_index_of_axis(checker, part, length, written[k], scope))
-    return checker.builder.structure("vector", found)
+        indices.append(_index_of_axis(checker, part, length, written[k], scope))
+    return checker.builder.structure("vector", indices)
 
 
 def _index_of_axis(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scope: Scope) -> Node:
@@ -414,7 +423,7 @@ def _moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node
     """Return an index moved to the nearest end of a vector if it lies outside; kept for the warnings."""
     if any(role is Role.PARAMETER for role, _ in reads([index])):  # a known one would count from the end
         checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
-    found = checker.builder.within(index, 0, length - 1)
-    if found is not index:
-        checker.moved.setdefault(id(found), ClampedIndex(found, index, length, expr.place))
-    return found
+    clamped = checker.builder.within(index, 0, length - 1)
+    if clamped is not index:
+        checker.moved.setdefault(id(clamped), ClampedIndex(clamped, index, length, expr.place))
+    return clamped

@@ -56,7 +56,7 @@ class Checker(BaseChecker):
         try:
             value = self._value(expr, scope, want)
             if scope.parent is None:
-                self.found[id(expr), id(scope)] = expr, value
+                self.results[id(expr), id(scope)] = expr, value
             return value
         except Refused as refused:
             self.fail(refused.code, expr, refused.message, refused.hint)
@@ -110,14 +110,14 @@ class Checker(BaseChecker):
         return Value(self.builder.scalar(number))
 
     def _label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
-        found = scope.labelled(label)
-        if want is None and len(found) == 1:
-            want = found[0]
+        domains = scope.labelled(label)
+        if want is None and len(domains) == 1:
+            want = domains[0]
         if want is not None and label in want.labels:
             return Value(self.builder.scalar(want.labels.index(label)), want)
         if want is not None:
             self.fail("E313", expr, f"'{label}' is not one of {', '.join(want.labels)}", suggest(label, want.labels))
-        if found:
+        if domains:
             message = f"'{label}' is a label of several choices, and nothing here says which is meant"
             self.fail("E313", expr, message, "compare it with the component it belongs to")
         self.fail("E302", expr, f"'{label}' is not defined here", suggest(label, scope.names()))
@@ -189,18 +189,18 @@ def check_uncalled(collector: Collector, function: FunctionDef) -> None:
     """Report (E302 to E305) names and functions that do not exist, and calls with arguments that they do not take."""
     scope = function.scope
     local = {*function.arguments, *s.targets(function.body), *CONSTANTS}
-    for found in s.names(function.body):
-        own = scope.lookup(found.written)
-        match found:
-            case s.Call() if isinstance(own, FunctionDef) or (own is None and found.function in FUNCTIONS):
-                called = own if isinstance(own, FunctionDef) else FUNCTIONS[found.function]
-                calls.refuse_keywords(collector, found)
-                if not found.keywords and not called.accepts(len(found.args)):
-                    message = f"{called.signature} was given {calls.count_of(len(found.args))}"
-                    collector.add("E304", found.place, message)
+    for part in s.names(function.body):
+        own = scope.lookup(part.written)
+        match part:
+            case s.Call() if isinstance(own, FunctionDef) or (own is None and part.function in FUNCTIONS):
+                called = own if isinstance(own, FunctionDef) else FUNCTIONS[part.function]
+                calls.refuse_keywords(collector, part)
+                if not part.keywords and not called.accepts(len(part.args)):
+                    message = f"{called.signature} was given {calls.count_of(len(part.args))}"
+                    collector.add("E304", part.place, message)
             case s.Call():
-                if own is None and not calls.is_function(found.function):
-                    calls.no_function(collector, found, scope)
-            case s.Name() if own is None and found.written not in local and not scope.is_label(found.id):
-                message = f"'{found.written}' is not defined here"
-                collector.add("E302", found.place, message, suggest(found.id, [*local, *scope.names()]))
+                if own is None and not calls.is_function(part.function):
+                    calls.no_function(collector, part, scope)
+            case s.Name() if own is None and part.written not in local and not scope.is_label(part.id):
+                message = f"'{part.written}' is not defined here"
+                collector.add("E302", part.place, message, suggest(part.id, [*local, *scope.names()]))

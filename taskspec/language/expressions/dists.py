@@ -51,8 +51,8 @@ def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
     bottom = _distribution(b, left)
     top = _distribution(b, right)
     p = b.apply("add", bottom, b.apply("mul", u, b.apply("sub", top, bottom)))
-    found = b.apply("where", b.apply("lt", b.scalar(0.0), p), _quantile(b, p), right)  # no float holds what is rarer
-    return b.apply("where", mirrored, b.apply("neg", found), found)
+    value = b.apply("where", b.apply("lt", b.scalar(0.0), p), _quantile(b, p), right)  # no float holds what is rarer
+    return b.apply("where", mirrored, b.apply("neg", value), value)
 
 
 def _distribution(b: NodeMaker, x: Node) -> Node:
@@ -151,10 +151,14 @@ def _normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _truncated_normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """Draw by the inverse of the distribution function; rejection might not end."""
-    mean, std, low, high = (b.cast(a[name], Kind.REAL) for name in ("mean", "std", "low", "high"))
+    mean = b.cast(a["mean"], Kind.REAL)
+    std = b.cast(a["std"], Kind.REAL)
+    low = b.cast(a["low"], Kind.REAL)
+    high = b.cast(a["high"], Kind.REAL)
     unit = b.draw("uniform", (), Type(Kind.REAL, shape))
-    ends = (b.apply("div", b.apply("sub", end, mean), std) for end in (low, high))
-    value = b.apply("add", mean, b.apply("mul", std, truncated(b, unit, *ends)))
+    lowest = b.apply("div", b.apply("sub", low, mean), std)
+    highest = b.apply("div", b.apply("sub", high, mean), std)
+    value = b.apply("add", mean, b.apply("mul", std, truncated(b, unit, lowest, highest)))
     return b.apply("min2", b.apply("max2", value, low), high)
 
 
@@ -228,9 +232,13 @@ def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
-    pairs = (b.structure("vector", pair) for pair in zip(one, other, strict=True))
-    shares = [b.structure("element", [b.draw("dirichlet", (pair,), pair.type)], (0,)) for pair in pairs]
+    one = _elements(b, b.cast(a["a"], Kind.REAL), shape)
+    other = _elements(b, b.cast(a["b"], Kind.REAL), shape)
+    shares = []
+    for concentrations in zip(one, other, strict=True):
+        pair = b.structure("vector", concentrations)
+        draw = b.draw("dirichlet", (pair,), pair.type)
+        shares.append(b.structure("element", [draw], (0,)))
     if shape:
         return b.structure("reshape", [b.structure("vector", shares)], shape)
     return shares[0]
@@ -270,7 +278,9 @@ def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> No
     """Draw indices with the probabilities that `row` gives of p, one for each element of a draw."""
     if p.type.is_scalar:
         return b.draw("categorical", (row(p),), Type(Kind.INT, shape))
-    drawn = [b.draw("categorical", (row(q),), INT) for q in _elements(b, p, shape)]
+    drawn = []
+    for q in _elements(b, p, shape):
+        drawn.append(b.draw("categorical", (row(q),), INT))
     return b.structure("reshape", [b.structure("vector", drawn)], shape)
 
 

@@ -64,5 +64,10 @@ def apply_flat(name: str, args: Sequence[Flat], types: tuple[Type, ...], static:
             return tuple(value)
         return (value,)
     size = result.size
-    stretched = [arg if t.shape == result.shape else arg * size for arg, t in zip(args, types, strict=True)]
+    stretched = []
+    for arg, t in zip(args, types, strict=True):
+        if t.shape == result.shape:
+            stretched.append(arg)
+        else:
+            stretched.append(arg * size)
     return tuple(op.reference(*row) for row in zip(*stretched, strict=True))

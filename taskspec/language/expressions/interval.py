@@ -66,8 +66,8 @@ def step(node: Node, args: Args) -> Range:
             return Range(0, 1)
         case Apply(op=op):
             entry = entry_of(op)
-            found = _tidy(entry.bounds(args, node), node.type.kind)
-            return Range(*found, node.type.kind is Kind.INT or entry.finite(args, found))
+            interval = _tidy(entry.bounds(args, node), node.type.kind)
+            return Range(*interval, node.type.kind is Kind.INT or entry.finite(args, interval))
 
 
 def certain(root: Node, known: dict[int, Range]) -> Interval:
@@ -86,48 +86,48 @@ def single(root: Node) -> Interval:
 
 def single_step(node: Node, args: Args) -> Range:
     """`step` in single floats."""
-    found = step(node, args)
+    edges = step(node, args)
     if node.type.kind is not Kind.REAL:
-        return found
-    if isinstance(node, Apply) and not _is_nearest(entry_of(node.op), args, found):
+        return edges
+    if isinstance(node, Apply) and not _is_nearest(entry_of(node.op), args, edges):
         terms = max((c.type.size for c in children(node)), default=1)
         cancels = terms > 1 and any(a.low < 0 < a.high for a in args)
-        low = abs(found.low)
-        high = abs(found.high)
+        low = abs(edges.low)
+        high = abs(edges.high)
         if cancels:
             low = high = max(low, high)
         if not math.isinf(low + high):
-            found = found._replace(low=found.low - SINGLE * terms * low, high=found.high + SINGLE * terms * high)
-    return rounded(found)
+            edges = edges._replace(low=edges.low - SINGLE * terms * low, high=edges.high + SINGLE * terms * high)
+    return rounded(edges)
 
 
-def rounded(found: Range) -> Range:
+def rounded(edges: Range) -> Range:
     """Return what is known of reals once they are single floats; rounding keeps their order."""
     with np.errstate(over="ignore"):
-        return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
+        return edges._replace(low=float(np.float32(edges.low)), high=float(np.float32(edges.high)))
 
 
-def _is_nearest(op: OperatorEntry, args: Args, found: Range) -> bool:
+def _is_nearest(op: OperatorEntry, args: Args, edges: Range) -> bool:
     if not isinstance(op, Operator):
         return True
     if op.elementwise:
         return op.precise
-    return found[:2] == args[0][:2]
+    return edges[:2] == args[0][:2]
 
 
 def _certain_step(node: Node, args: Args) -> Range:
-    found = step(node, args)
+    edges = step(node, args)
     match node:
         case Apply(op=op) if entry_of(op).rounds:
             return Range(-INT_MAX, INT_MAX)
         case _ if node.type.kind is Kind.REAL:
             return Range(*EVERYTHING, False)
         case Draw() | Read(role=Role.TIME):  # counts, which stay within 32 bits
-            return Range(found.low, min(found.high, INT_MAX))
-        case Apply(op=op) if entry_of(op).wraps and max(-found.low, found.high) > INT_WIDEST:
+            return Range(edges.low, min(edges.high, INT_MAX))
+        case Apply(op=op) if entry_of(op).wraps and max(-edges.low, edges.high) > INT_WIDEST:
             return Range(*EVERYTHING)
         case _:
-            return found
+            return edges
 
 
 def _tidy(edge: Interval, kind: Kind) -> Interval:
@@ -180,7 +180,9 @@ class NormalForms:
     def all(self, roots: Iterable[Expression], order: Sequence[Draw] | None = None) -> list[int]:
         """Return the forms of some nodes; `order` ranks the draws that may occur in them."""
         roots = list(roots)
-        rank = {d.site: i for i, d in enumerate(draws(roots) if order is None else order)}
+        rank = {}
+        for i, d in enumerate(draws(roots) if order is None else order):
+            rank[d.site] = i
         numbers: dict[int, int] = {}
         edges: dict[int, Range] = {}
         for node in walk(roots):

@@ -100,10 +100,13 @@ def walk(roots: Iterable[Expression], known: Container[int] = frozenset()) -> It
 
 def draws(roots: Iterable[Expression]) -> tuple[Draw, ...]:
     """Return the draws below the roots, by site, except that those which others depend on come before them."""
-    found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
-    if len(found) < 2:
-        return tuple(found.values())
-    in_order = [found[site] for site in sorted(found)]
+    by_site = {}
+    for n in walk(roots):
+        if isinstance(n, Draw):
+            by_site[n.site] = n
+    if len(by_site) < 2:
+        return tuple(by_site.values())
+    in_order = [by_site[site] for site in sorted(by_site)]
     return tuple(n for n in walk(in_order) if isinstance(n, Draw))
 
 

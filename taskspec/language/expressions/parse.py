@@ -93,11 +93,11 @@ def explain(value: str, error: Exception) -> NoReturn:
 def _refuse_operators(value: str) -> None:
     """Refuse the first operator of another language."""
     for pattern, hint, word in _CONFUSIONS:
-        found = re.search(pattern, value)
-        if found and word is not None:
-            hint = Advice(hint, found[0], _apart(word, value[: found.start()], value[found.end() :]))
-        if found:
-            raise SyntaxFailure(found.start(), found.end(), f"'{found[0].strip()}' is not an operator here", hint)
+        match = re.search(pattern, value)
+        if match and word is not None:
+            hint = Advice(hint, match[0], _apart(word, value[: match.start()], value[match.end() :]))
+        if match:
+            raise SyntaxFailure(match.start(), match.end(), f"'{match[0].strip()}' is not an operator here", hint)
 
 
 _GRAMMAR = ("and", "or", "not", "in", "if", "else", "for")
@@ -107,16 +107,16 @@ _KEYWORD = re.compile(rf"(?<![\w'\"])(?:{_KEYWORDS})(?![\w'\"])")
 
 def _refuse_keywords(value: str) -> None:
     """Refuse the first word of Python that no expression has; as a label it is quoted."""
-    found = _KEYWORD.search(value)
-    if found is None:
+    match = _KEYWORD.search(value)
+    if match is None:
         return
-    word = found[0]
-    if word == "lambda" and ":" in value[found.end() :]:
+    word = match[0]
+    if word == "lambda" and ":" in value[match.end() :]:
         message, hint = _REFUSED["Lambda"]
-        raise SyntaxFailure(found.start(), found.end(), message, hint, "E316")
+        raise SyntaxFailure(match.start(), match.end(), message, hint, "E316")
     message = f"`{word}` is a word of Python, by whose grammar expressions are read"
     raise SyntaxFailure(
-        found.start(), found.end(), message, Advice(f"a label is quoted: `'{word}'`", word, f"'{word}'")
+        match.start(), match.end(), message, Advice(f"a label is quoted: `'{word}'`", word, f"'{word}'")
     )
 
 
@@ -176,13 +176,13 @@ FOREIGN: Mapping[str, str] = {
 
 def advice(name: str, arguments: int) -> str | None:
     """Return what to write for a function of another language that is given so many arguments; None if nothing is known of it."""
-    found = FOREIGN.get(name.lower())
-    if found is None:
+    entry = FOREIGN.get(name.lower())
+    if entry is None:
         return None
-    same = re.fullmatch(r"(\w+)\((\w+(?:, \w+)*)\)", found)
+    same = re.fullmatch(r"(\w+)\((\w+(?:, \w+)*)\)", entry)
     if same is not None and same[2].count(",") + 1 == arguments:
-        return Advice(f"write `{found}`", name, same[1])
-    return f"write `{found}`"
+        return Advice(f"write `{entry}`", name, same[1])
+    return f"write `{entry}`"
 
 
 # -- text -> Python's tree ----------------------------------------------------------------------------------------
@@ -470,7 +470,13 @@ class _Reader:
     def index(self, node: ast.expr) -> s.Expr | s.Slice:
         if not isinstance(node, ast.Slice):
             return self.expr(node)
-        start, stop, step = (None if x is None else self.expr(x) for x in (node.lower, node.upper, node.step))
+        bounds: list[s.Expr | None] = []
+        for x in (node.lower, node.upper, node.step):
+            if x is None:
+                bounds.append(None)
+            else:
+                bounds.append(self.expr(x))
+        start, stop, step = bounds
         return s.Slice(start, stop, step, self.place(node))
 
     def weights(self, node: ast.Dict, keys: list[ast.expr | None], values: list[ast.expr], place: s.Place) -> s.Weights:

@@ -127,7 +127,9 @@ class Scope:
         """Return whether some choice has this label, one among the parameters included."""
         domains = list(self.domains)
         for scope in self._and_parents():
-            domains += [b.domain for b in scope.bindings.values() if isinstance(b, Value) and b.domain is not None]
+            for b in scope.bindings.values():
+                if isinstance(b, Value) and b.domain is not None:
+                    domains.append(b.domain)
         return any(word in domain.labels for domain in domains)
 
     def labelled(self, label: str) -> list[Domain]:
@@ -207,7 +209,7 @@ class BaseChecker(ABC):
         self.builder = builder
         self.collector = collector
         self.moved: dict[int, ClampedIndex] = {}  # by id of the node
-        self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
+        self.results: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
         self.parameters: dict[str, Any] = {}
         self.argument_axes: dict[tuple[str, str], int] = {}  # of definitions with arguments, as they are called
         self._lenient = False
@@ -270,7 +272,10 @@ class BaseChecker(ABC):
         constants = [n for n in nodes if isinstance(n, Const)]
         if len(constants) < len(nodes):
             return nodes
-        reals = [n.flat for n in constants if n.type.kind is Kind.REAL]
+        reals = []
+        for n in constants:
+            if n.type.kind is Kind.REAL:
+                reals.append(n.flat)
         if not any(type(v) is Fraction for flat in reals for v in flat) or not any(varies(e, scope) for e in exprs):
             return nodes
         return list(map(self.builder.held, nodes))
@@ -330,12 +335,12 @@ class BaseChecker(ABC):
 
     def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
         """Return the values of the parameters that expressions name, as a note: at others they may be right."""
-        found = {}
+        values = {}
         for name in s.names(tuple(e for e in exprs if e is not None)):
             if isinstance(name, s.Name) and name.id in self.parameters:
-                found[name.id] = f"{name.id} = {self.parameters[name.id]}"
-        if found:
-            return [f"with {', '.join(found.values())}"]
+                values[name.id] = f"{name.id} = {self.parameters[name.id]}"
+        if values:
+            return [f"with {', '.join(values.values())}"]
         return []
 
     def expand(self, expr: s.Expr, count: int = 1) -> None:

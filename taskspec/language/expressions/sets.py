@@ -88,11 +88,11 @@ def _member_of_values(checker: BaseChecker, value: Value, left: s.Expr, right: s
         checker.fail("E307", left, f"{node.type} cannot be an element of this set")
     if node.type.is_scalar:
         return b.apply("any", b.apply("eq", table, node))
-    found: Node = b.scalar(False)
+    member: Node = b.scalar(False)
     for row in range(table.type.shape[0]):
         here = b.apply("all", b.apply("eq", b.structure("element", [table], (row,)), node))
-        found = b.apply("or", found, here)
-    return found
+        member = b.apply("or", member, here)
+    return member
 
 
 # -- comprehensions written out -----------------------------------------------------------------------------------
@@ -126,9 +126,9 @@ def unroll(
                     nodes += over(clauses[1:], inner)
         return nodes
 
-    found = over(expr.clauses, scope)
-    _check_few(checker, "unrolled", len(found), expr, "elements to write out")
-    return found
+    elements = over(expr.clauses, scope)
+    _check_few(checker, "unrolled", len(elements), expr, "elements to write out")
+    return elements
 
 
 def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope) -> bool:
@@ -198,7 +198,9 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
         if isinstance(part, Const) and part.type.kind is Kind.INT:
             _check_width(checker, expr, *part.flat)
     count = len(next(iter(columns.values())))
-    values = {(Role.VARIABLE, name): np.moveaxis(rows, 0, -1) for name, rows in columns.items()}
+    values = {}
+    for name, rows in columns.items():
+        values[(Role.VARIABLE, name)] = np.moveaxis(rows, 0, -1)
     (result,) = batch.evaluate([node], values)
     return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
 
@@ -231,7 +233,10 @@ def _box(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
     if len(expr.args) != 3:
         hint = "`box(-1, 1, 2)` is the square of integer points from -1 to 1"
         checker.fail("E304", expr, "box(low, high, n) was given the wrong arguments", hint)
-    a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in expr.args)
+    low, high, size = expr.args
+    a = checker.integer(low, scope, "an argument of `box`")
+    b = checker.integer(high, scope, "an argument of `box`")
+    axes = checker.integer(size, scope, "an argument of `box`")
     if axes < 1 or b < a:
         checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
     if axes > MOST_AXES:
@@ -245,7 +250,9 @@ def _box(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
 def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    ends = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
+    ends = []
+    for e in expr.args:
+        ends.append(checker.integer(e, scope, "an argument of `range`"))
     if len(ends) == 3 and ends[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*ends)
@@ -341,12 +348,14 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
     checker = left.checker
     b = checker.builder
     if op in ("in", "not in"):
-        found = _member(left, right)
+        member = _member(left, right)
         if op == "not in":
-            return b.apply("not", found)
-        return found
+            return b.apply("not", member)
+        return member
     if op in ("==", "!=") and _of_choices(left, right):
-        parts = [(op, *pair) for pair in zip(left.parts, right.parts, strict=True)]
+        parts = []
+        for pair in zip(left.parts, right.parts, strict=True):
+            parts.append((op, *pair))
         return checker.stack(checker.each(_link, parts), left.expr)
     if op in ("==", "!="):
         one, other = _alike(left, right)
@@ -391,7 +400,9 @@ def _member(left: _Side, right: _Side) -> Node:
     items: tuple[s.Expr, ...] = ()
     if isinstance(right.expr, s.SetOf | s.Vector):
         items = right.expr.items
-    sides = [_Side(checker, item, right.scope) for item in items]
+    sides = []
+    for item in items:
+        sides.append(_Side(checker, item, right.scope))
     if not sides or not all(_of_choices(left, side) for side in sides):
         return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)
     same = checker.each(_link, [("==", left, side) for side in sides])
@@ -409,17 +420,19 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
         items = element.items
     if len(items) != len(parts):
         return _member_of_values(checker, left.value(), left.expr, right, scope)
-    domains = [alternatives.domain_of(part.expr, scope) for part in parts]
+    domains = []
+    for part in parts:
+        domains.append(alternatives.domain_of(part.expr, scope))
     wants = {item.id: domain for item, domain in zip(items, domains, strict=True) if isinstance(item, s.Name)}
 
     def same(inner: Scope) -> Node:
         for item, domain in zip(items, domains, strict=True):
             if not isinstance(checker.value(item, inner, domain).node, Const):
                 checker.fail("E312", item, _ENUMERATED)
-        found = _link("==", left, _Side(checker, element, inner))
-        if found.type.shape:
-            return b.apply("all", found)
-        return found
+        equal = _link("==", left, _Side(checker, element, inner))
+        if equal.type.shape:
+            return b.apply("all", equal)
+        return equal
 
     none: Node = b.scalar(False)
     return reduce(partial(b.apply, "or"), unroll(checker, right, scope, same, wants), none)

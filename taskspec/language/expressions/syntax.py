@@ -275,7 +275,9 @@ def below(root: Any) -> Iterator[Any]:
 
 def parts(expr: Expr | Slice) -> Iterator[Expr | Slice]:
     """Yield the expressions directly inside one."""
-    rest: list[Any] = [getattr(expr, f.name) for f in reversed(fields(expr))]
+    rest: list[Any] = []
+    for f in reversed(fields(expr)):
+        rest.append(getattr(expr, f.name))
     while rest:
         part = rest.pop()
         if isinstance(part, tuple):

@@ -76,14 +76,14 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
 
 def _texts(written: str, rest: str) -> dict[str, str]:
     """Return the arguments of a text, by name: between the commas that stand outside of brackets."""
-    found: list[str] = []
+    texts: list[str] = []
     for part in rest.split(","):
-        if found and len(re.findall(r"[([{]", found[-1])) > len(re.findall(r"[)\]}]", found[-1])):
-            found[-1] += f",{part}"
+        if texts and len(re.findall(r"[([{]", texts[-1])) > len(re.findall(r"[)\]}]", texts[-1])):
+            texts[-1] += f",{part}"
         else:
-            found.append(part)
+            texts.append(part)
     given: dict[str, str] = {}
-    for i, part in enumerate(found):
+    for i, part in enumerate(texts):
         named = _NAMED.fullmatch(part.strip())
         if named is None and i:
             _refuse(written, f"'{part.strip()}' is not of the form name=value")
@@ -169,7 +169,9 @@ def keeps_observers(task: Task, *modifiers: Written) -> bool:
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """Return the finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
     entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
-    ways = [(m, entry.abstraction(arguments(entry, m))) for m, entry in entries]
+    ways = []
+    for m, entry in entries:
+        ways.append((m, entry.abstraction(arguments(entry, m))))
     if any(way == "lost" for _, way in ways):
         return None
     return modify(unmodified, *(m for m, way in ways if way == "modified as well"))
@@ -193,9 +195,9 @@ def _modified(task: Task, given: Modifier) -> Task:
                 reason = f"'{earlier}' depends on when episodes end"
                 raise Inapplicable(reason, "give the horizon before other modifiers")
         changed = entry.change(task.new_builder(), task, values)
-    except Refused as found:  # by the modifier, or by a limit of vectors or of ints
-        message = f"{task.id} cannot be given '{given}': {found.message}"
-        raise spec_error("E720", message, found.hint) from None
+    except Refused as refused:  # by the modifier, or by a limit of vectors or of ints
+        message = f"{task.id} cannot be given '{given}': {refused.message}"
+        raise spec_error("E720", message, refused.hint) from None
     if changed is task:  # it was as the modifier makes it
         return task
     if not entry.claims:

@@ -36,20 +36,20 @@ class AddedState:
 def names_in(task: Task) -> set[str]:
     """Return every name that something in a task has."""
     memory = () if task.annotations.memory is None else task.annotations.memory.components
-    found = set(all_names((*task.state, *task.action, *task.observation.components, *memory)))
-    return found | set(all_names(task.parameters)) | set(task.source.constants)
+    names = set(all_names((*task.state, *task.action, *task.observation.components, *memory)))
+    return names | set(all_names(task.parameters)) | set(task.source.constants)
 
 
 def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
     """Return the wanted names, lengthened so that none of them is taken and no two are the same."""
     known = set(taken)
-    found = []
+    names = []
     for name in wanted:
         while name in known:
             name += "_"
         known.add(name)
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:
@@ -73,7 +73,9 @@ def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
 
 def inside(b: Builder, c: Component) -> Node:
     """Return a fixed value of a component: the one nearest to 0."""
-    flat = [min(max(0, low), high) for low, high in zip(c.low, c.high, strict=True)]
+    flat = []
+    for low, high in zip(c.low, c.high, strict=True):
+        flat.append(min(max(0, low), high))
     return b.constant(flat, c.type)
 
 
@@ -90,19 +92,21 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
     count = len(task.state)
     roots = (*task.process.raw_next, *task.process.step_roots)
-    found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
+    changed = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
     return task.with_process(
-        raw_next=found[:count],
-        next=found[count : 2 * count],
-        reward=found[2 * count],
-        terminal=found[2 * count + 1],
-        measures=dict(zip(task.process.measures, found[2 * count + 2 :], strict=True)),
+        raw_next=changed[:count],
+        next=changed[count : 2 * count],
+        reward=changed[2 * count],
+        terminal=changed[2 * count + 1],
+        measures=dict(zip(task.process.measures, changed[2 * count + 2 :], strict=True)),
     )
 
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
     """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
-    reads = {(Role.ACTION, name): node for name, node in meant.items()}
+    reads = {}
+    for name, node in meant.items():
+        reads[(Role.ACTION, name)] = node
     changed = acting(b, task, meant)
     if task.process.legal is not None:
         changed = changed.with_process(legal=b.substitute([task.process.legal], reads)[0])
@@ -160,7 +164,10 @@ def observing(
         meant = {}
     now = list(zip(components, nodes, strict=True))
     before = zip(task.observation.components, task.observation.nodes, strict=True)
-    lost = {(Role.NEXT, c.name) for c, node in before if (c, node) not in now and c.name not in meant}
+    lost = set()
+    for c, node in before:
+        if (c, node) not in now and c.name not in meant:
+            lost.add((Role.NEXT, c.name))
     changed = task.with_process(
         reset_draws=(*task.process.reset_draws, *drawn.values()), step_draws=(*task.process.step_draws, *drawn.values())
     )
@@ -181,7 +188,10 @@ def real_space(task: Task) -> SpaceKind:
 
 def shows_the_state(task: Task) -> bool:
     """Return whether it is known that no two states look alike at any time; draws do not count."""
-    nodes = [n for n in task.observation.nodes if not draws([n]) and TIME not in reads([n])]
+    nodes = []
+    for n in task.observation.nodes:
+        if not draws([n]) and TIME not in reads([n]):
+            nodes.append(n)
     return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
 
 
@@ -253,9 +263,9 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
         raw_initial=b.substitute(memory.raw_initial, meant),
         raw_next=b.substitute(memory.raw_next, meant),
     )
-    found = task.with_annotations(memory=changed)
-    if remembers_what_is_told(found):
-        return found
+    result = task.with_annotations(memory=changed)
+    if remembers_what_is_told(result):
+        return result
     return forgetting(task)
 
 
@@ -264,7 +274,9 @@ def remembers_what_is_told(task: Task) -> bool:
     memory = task.annotations.memory
     if memory is None:
         return True
-    seen = {(Role.NEXT, c.name) for c in task.observation.components}
+    seen = set()
+    for c in task.observation.components:
+        seen.add((Role.NEXT, c.name))
     own = {c.read for c in memory.components} | {(Role.ACTION, c.name) for c in task.action} | {TIME}
     return reads(memory.initial) <= seen and reads(memory.next) <= seen | own
 
@@ -308,7 +320,7 @@ def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) ->
 def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
     """Return values of the components whose number a table (N,) has at a row."""
     rest = math.prod(counts_of(components))
-    found = []
+    parts = []
     for c in components:
         digits = []
         for low, count in zip(c.low, c.counts, strict=True):
@@ -316,8 +328,8 @@ def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row
             values = [int(low) + code // rest % count for code in table]
             digit = looked_up(b, values, row)
             digits.append(b.apply("lt", b.scalar(0), digit) if c.type.kind is Kind.BOOL else digit)
-        found.append(shaped(b, digits, c.type))
-    return found
+        parts.append(shaped(b, digits, c.type))
+    return parts
 
 
 def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:

@@ -81,10 +81,10 @@ class ModifierArgument:
         return f"{words} from {decimal(self.low)} to {decimal(self.high)}"
 
     def _bool(self, value: Any) -> bool:
-        found = {"true": True, "false": False}.get(str(value).lower())
-        if found is None:
+        truth = {"true": True, "false": False}.get(str(value).lower())
+        if truth is None:
             raise ValueError(self.range)
-        return found
+        return truth
 
     def _number(self, value: Any) -> int | float:
         try:

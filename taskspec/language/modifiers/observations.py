@@ -65,7 +65,9 @@ def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
 def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
-        nodes = [core.noisy(b, node, given["std"]) for node in seen.nodes]
+        nodes = []
+        for node in seen.nodes:
+            nodes.append(core.noisy(b, node, given["std"]))
     components = []
     for c in seen.components:
         size = c.type.size
@@ -101,7 +103,10 @@ def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
         )
     if len(names) == 1:
         raise Inapplicable(f"'{name}' is the only observed component")
-    kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
+    kept = []
+    for c, n in zip(seen.components, seen.nodes, strict=True):
+        if c.name != name:
+            kept.append((c, n))
     components, nodes = zip(*kept, strict=True)
     return core.observing(b, task, components, nodes, seen.space, {})
 

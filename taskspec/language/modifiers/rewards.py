@@ -38,7 +38,9 @@ def potential(b: Builder, task: Task, written: str) -> Node:
     origin = Origin("potential", written)
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
     names = ["t", *all_names(task.action)]
-    hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in names}
+    hidden = {}
+    for name in names:
+        hidden[name] = Unavailable("E302", f"'{name}' cannot be used in a potential")
     scope = task.source.surface.scopes[SCOPE].child(dict(hidden))
     scope.draws = "a potential is a function of the state"
     try:
@@ -87,9 +89,9 @@ def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     """Return the rewards where they are known to be few, else None."""
     known: dict[int, Values] = {}
     for node in walk([task.process.reward]):
-        found = _values(b, node, [known[id(c)] for c in children(node)])
-        if found is not None and len(found) <= MOST_VALUES:
-            known[id(node)] = found
+        possible = _values(b, node, [known[id(c)] for c in children(node)])
+        if possible is not None and len(possible) <= MOST_VALUES:
+            known[id(node)] = possible
         else:
             known[id(node)] = None
     constants = known[id(task.process.reward)]
@@ -108,21 +110,21 @@ def few_rewards(b: Builder, task: Task) -> FewRewards | None:
 
 def _values(b: Builder, node: Node, args: list[Values]) -> Values:
     kind = node.type.kind
-    found: list[Node] | None = None
+    values: list[Node] | None = None
     match node:
         case Const():
-            found = [b.const(v, Type(kind)) for v in set(node.flat)]
+            values = [b.const(v, Type(kind)) for v in set(node.flat)]
         case Apply(op=op) if entry_of(op).elements is Elements.MOVED:
             moved = [a for i, a in enumerate(args) if i not in entry_of(op).indices]
             every = [a for a in moved if a is not None]
             if len(every) == len(moved):
-                found = [b.cast(value, kind) for value in chain.from_iterable(every)]
+                values = [b.cast(value, kind) for value in chain.from_iterable(every)]
         case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise:
             every = [a for a in args if a is not None]
             if len(every) == len(args) and math.prod(map(len, every)) <= TRIED:
-                found = [b.apply(op, *each) for each in product(*every)]
-    if found is not None:
-        return frozenset(v for v in found if isinstance(v, Const))
+                values = [b.apply(op, *each) for each in product(*every)]
+    if values is not None:
+        return frozenset(v for v in values if isinstance(v, Const))
     if kind is Kind.BOOL:
         return frozenset((b.const(False, Type(kind)), b.const(True, Type(kind))))
     low, high = b.bounds(node)

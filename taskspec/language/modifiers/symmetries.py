@@ -49,10 +49,10 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
             hint = "give the symmetry before modifiers of what is observed"
             raise Inapplicable(f"'{c.name}' is no longer observed as the symmetry expects", hint)
     seen = [now.pop(c.name)[0] for c in symmetry.seen]
-    found = parts(Role.NEXT, seen, symmetry.observation)
-    if any(part.clash() is not None for part in found):
+    moves = parts(Role.NEXT, seen, symmetry.observation)
+    if any(part.clash() is not None for part in moves):
         raise Inapplicable("it is not one-to-one: two observations would look alike", "`taskspec check` shows two")
-    components = _bounded(symmetry.components, found)
+    components = _bounded(symmetry.components, moves)
     _check_space(task, components)
     shown = by_read(Role.NEXT, task.observation.components, task.observation.nodes)
     nodes = b.substitute(symmetry.observation, shown)
@@ -66,9 +66,9 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     return core.observing(b, task, every, values, task.observation.space, {})
 
 
-def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
+def _bounded(components: Sequence[Component], moves: Sequence[MapPart]) -> list[Component]:
     made = list(components)
-    for part in found:
+    for part in moves:
         ends = list(bounds(part))
         for i in part.outputs if part.is_decided else ():
             own = ends[: made[i].type.size]
@@ -98,9 +98,9 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
 
 
 def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
+    moves = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
     executed: dict[str, Node] = {}
-    for part in found:
+    for part in moves:
         own = [symmetry.action[i] for i in part.outputs]
         if all(isinstance(n, Read) and n.name == c.name for n, c in zip(own, part.inputs, strict=True)):
             continue
@@ -114,14 +114,18 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = b.substitute(symmetry.action, by_read(Role.ACTION, task.action, expert))
-    every = {c.name: executed.get(c.name) or core.present(b, c, Role.ACTION) for c in task.action}
+    every = {}
+    for c in task.action:
+        every[c.name] = executed.get(c.name) or core.present(b, c, Role.ACTION)
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
     changed = replace(task, action=plain).with_annotations(expert=expert)
     return core.meaning(b, changed, every)
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:
-    given = [core.present(b, c, Role.ACTION) for c in part.inputs]
+    given = []
+    for c in part.inputs:
+        given.append(core.present(b, c, Role.ACTION))
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)
     core.combinations(part.inputs, "the actions of a symmetry", core.MOST)
@@ -141,15 +145,16 @@ def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Nod
             own[int(source)] = b.apply("neg", moved)
         else:
             own[int(source)] = moved
-    found = []
+    original = []
     at = 0
     for c in components:
         values = [own[at + i] for i in range(c.type.size)]
         if c.type.kind is Kind.INT:
-            values = [b.within(v, low, high) for v, low, high in zip(values, c.low, c.high, strict=True)]
-        found.append(core.shaped(b, values, c.type))
+            for i in range(c.type.size):
+                values[i] = b.within(values[i], c.low[i], c.high[i])
+        original.append(core.shaped(b, values, c.type))
         at += c.type.size
-    return found
+    return original
 
 
 def _says(task: Task, given: Arguments) -> str:

@@ -51,10 +51,10 @@ class ExpressionWriter(Writer):
                 return Piece(self.notation.label(word, self.of) or label(word))
             case s.Name(id=name, primed=primed):
                 if primed:
-                    found = None
+                    printed = None
                 else:
-                    found = self.notation.label(name, self.of)
-                return Piece(found or prime(self.notation.symbol(name), primed))
+                    printed = self.notation.label(name, self.of)
+                return Piece(printed or prime(self.notation.symbol(name), primed))
             case s.Unary():
                 return self._unary(expr)
             case s.Binary():
@@ -146,11 +146,11 @@ class ExpressionWriter(Writer):
     def _call(self, expr: s.Call) -> Piece:
         if is_distribution(expr.function):
             return idioms.distribution(self, expr)
-        found = None
+        printed = None
         if expr.function in idioms.IDIOMS:
-            found = idioms.IDIOMS[expr.function](self, expr)
-        if found is not None:
-            return found
+            printed = idioms.IDIOMS[expr.function](self, expr)
+        if printed is not None:
+            return printed
         function = FUNCTIONS.get(expr.function)
         if function is not None and function.accepts(len(expr.args)):
             pieces = list(map(self.number, expr.args))
@@ -207,7 +207,10 @@ class ExpressionWriter(Writer):
         if len(expr.items) == 1 and not isinstance(expr.items[0], s.Vector):
             return self.number(expr.items[0])
         if expr.items and all(isinstance(i, s.Vector) for i in expr.items):
-            rows = [tuple(self.numbers(i.items)) for i in expr.items if isinstance(i, s.Vector)]
+            rows = []
+            for i in expr.items:
+                if isinstance(i, s.Vector):
+                    rows.append(tuple(self.numbers(i.items)))
             if len(set(map(len, rows))) == 1:
                 return Piece(m.Matrix(tuple(rows)))
         return Piece(m.brackets(m.joined(self.numbers(expr.items))))
@@ -217,19 +220,19 @@ _OPPOSITE = {"==": "!=", "!=": "==", "in": "not in", "not in": "in", "<": ">=", 
 
 
 def _squared(factors: list[s.Expr]) -> list[s.Expr]:
-    found: list[s.Expr] = []
+    squares: list[s.Expr] = []
     for factor in factors:
         if (
             isinstance(factor, s.Name)
-            and found
-            and isinstance(found[-1], s.Name)
-            and found[-1].written == factor.written
+            and squares
+            and isinstance(squares[-1], s.Name)
+            and squares[-1].written == factor.written
         ):
             two = s.Number(2, "2", factor.place)
-            found[-1] = s.Binary("**", factor, two, factor.place)
+            squares[-1] = s.Binary("**", factor, two, factor.place)
         else:
-            found.append(factor)
-    return found
+            squares.append(factor)
+    return squares
 
 
 def _leads(piece: Piece, operand: m.Math) -> bool:

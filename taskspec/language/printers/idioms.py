@@ -72,7 +72,10 @@ def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
         return _equal(w, by[0], [keys[0] for keys in rows if keys[0] is not None])
     conjunctions = []
     for keys in rows:
-        equal = (_equal(w, column, [key]) for column, key in zip(by, keys, strict=False) if key is not None)
+        equal = []
+        for column, key in zip(by, keys, strict=False):
+            if key is not None:
+                equal.append(_equal(w, column, [key]))
         conjunctions.append(m.joined(equal, "∧"))
     if len(conjunctions) == 1:
         return conjunctions[0]
@@ -94,7 +97,12 @@ def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
     """Return whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
     if not isinstance(table, s.Table):
         return False
-    plain = [c.id if isinstance(c, s.Name) and not c.primed else None for c in table.by]
+    plain = []
+    for c in table.by:
+        if isinstance(c, s.Name) and not c.primed:
+            plain.append(c.id)
+        else:
+            plain.append(None)
     return plain == [state] or (len(actions) == 1 and plain == [state, actions[0]])
 
 
@@ -139,10 +147,10 @@ def _quantifier(sign: str, conjunction: str) -> Idiom:
         if isinstance(arg, s.Comprehension):
             truth = under(w, arg).truth(_of_elements(w, arg, call).element).tree
             return applied("quantifier", m.such_that(m.Row((m.Sym(sign), _over(w, arg))), truth))
-        found = pointwise(w, arg)
-        if found is None:
+        parts = pointwise(w, arg)
+        if parts is None:
             return None
-        of, index, inner = found
+        of, index, inner = parts
         match arg:
             case s.Compare(first=first, rest=(("==", second),)) if conjunction == "and" and rank(w, first) == rank(
                 w, second
@@ -168,10 +176,10 @@ def _count(w: Writer, call: s.Call) -> Piece | None:
             return _over_domains(w, arg, "∑")
         such = m.joined([*_conditions(w, arg), under(w, arg).truth(arg.element).tree])
         return Piece(m.Row((m.Words("#"), m.braces(m.such_that(m.joined(_domains(w, arg)), such)))))
-    found = pointwise(w, arg)
-    if found is None:
+    parts = pointwise(w, arg)
+    if parts is None:
         return None
-    of, index, inner = found
+    of, index, inner = parts
     if rank(w, arg) > 1:
         index = m.brackets(index)
     return Piece(m.Row((m.Words("#"), m.braces(m.such_that(index, of.truth(inner).tree)))))
@@ -194,10 +202,10 @@ def _total(sign: str) -> Idiom:
                 ranged = _over_slice(w, arg, s.Slice(None, None, None, arg.place), sign)
             case _:
                 ranged = None
-        found = pointwise(w, arg)
-        if ranged is not None or found is None:
+        parts = pointwise(w, arg)
+        if ranged is not None or parts is None:
             return ranged
-        of, index, inner = found
+        of, index, inner = parts
         return _big(m.Big(sign, index), of.number(inner))
 
     return write
@@ -224,12 +232,12 @@ def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | No
 
 def _extreme(name: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
-        found = None
+        parts = None
         if rank(w, call.args[0]) == 1:
-            found = pointwise(w, call.args[0])
-        if found is None:
+            parts = pointwise(w, call.args[0])
+        if parts is None:
             return None  # of a matrix it is a place in all its rows, one after the other
-        of, index, inner = found
+        of, index, inner = parts
         head = m.Script(m.upright(name), index)
         return applied("extreme", m.Row((head, m.Gap(), *operands("extreme", [of.number(inner)]))))
 
@@ -241,12 +249,12 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
         return None
     test, then, otherwise = call.args
     if rank(w, test):
-        found = pointwise(w, call)
+        parts = pointwise(w, call)
     else:
-        found = None
-    if found is None:
+        parts = None
+    if parts is None:
         return w.piece(s.IfElse(test, then, otherwise, call.place))
-    of, index, inner = found  # a vector as a family of its elements, with their index below
+    of, index, inner = parts  # a vector as a family of its elements, with their index below
     return Piece(m.Script(m.brackets(of.number(inner).tree), index))
 
 

@@ -24,9 +24,9 @@ _LETTERS = GREEK | {"inf": "∞", "nan": "NaN"}
 def symbol(name: str, given: str | None = None) -> m.Math:
     if given is not None:
         return _given(given)
-    found = _letter(name)
-    if found is not None:
-        return found
+    letter = _letter(name)
+    if letter is not None:
+        return letter
     numbered = _NUMBERED.fullmatch(name)
     if numbered:
         return m.Script(_letter(numbered[1]) or m.upright(numbered[1]), m.Num(numbered[2]))
@@ -53,10 +53,10 @@ def _letter(name: str) -> m.Math | None:
 
 def label(name: str, given: str | None = None) -> m.Math:
     if given is not None:
-        found = _given(given)
-        if isinstance(found, m.Sym):
-            return m.Ident(found.text)
-        return found
+        symbols = _given(given)
+        if isinstance(symbols, m.Sym):
+            return m.Ident(symbols.text)
+        return symbols
     if re.fullmatch(r"-?\d+(\.\d+)?", name):
         return m.Num(name.replace("-", "−"))
     return m.Words(name.replace("_", " "))
@@ -153,7 +153,7 @@ def of_task(task: Task) -> Notation:
     symbols |= {name: symbol(name, entry.symbol) for name, entry in spec.parameters.entries.items()}
     axes = dict.fromkeys((p.name for p in task.parameters), 0) | {"t": 0, "T": 0}
     axes |= {name: len(value.type.shape) for name, value in task.source.constants.items()}
-    axes |= {name: len(found) for name, found in task.source.surface.shapes.items()}
+    axes |= {name: len(axis_lengths) for name, axis_lengths in task.source.surface.shapes.items()}
     labels = {}
     singles = set()
     memory = () if task.annotations.memory is None else task.annotations.memory.components

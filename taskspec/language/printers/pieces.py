@@ -164,9 +164,9 @@ def _parsed(latex: str, names: tuple[str, ...]) -> m.Math:
 def _filled(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
     if isinstance(node, m.Hole):
         return values.get(node.name, node)
-    found: m.Math = m.mapped(node, partial(_filled, values=values))
-    match found:
+    result: m.Math = m.mapped(node, partial(_filled, values=values))
+    match result:
         case m.Script(base=m.Num(text="0" | "1") as base, sub=None, sup=m.Num(text="2"), primes=0):
             return base  # nobody writes 1 squared
         case _:
-            return found
+            return result

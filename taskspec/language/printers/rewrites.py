@@ -34,8 +34,14 @@ def substitute(node: Any, values: Mapping[str, Any]) -> Any:
         known = not node.primed and node.id in values
         return (_literal(values[node.id], node.place) if known else None) or node
     if isinstance(node, s.Comprehension):
-        bound = {target for clause in node.clauses for target in clause.targets}
-        values = {name: value for name, value in values.items() if name not in bound}
+        bound = set()
+        for clause in node.clauses:
+            bound.update(clause.targets)
+        free = {}
+        for name, value in values.items():
+            if name not in bound:
+                free[name] = value
+        values = free
     return _fold(mapped(node, partial(substitute, values=values)))
 
 
@@ -118,23 +124,23 @@ def shows_probabilities(expr: s.Expr) -> bool:
 
 def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
     """Return names for the draws inside an expression, in written order."""
-    found: list[tuple[s.Name | s.Subscript, s.Expr]] = []
+    draws: list[tuple[s.Name | s.Subscript, s.Expr]] = []
 
     def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
         if isinstance(node, s.Call) and is_distribution(node.function) and not shows_probabilities(node):
-            name = s.Name(f"{prefix}_{len(found) + 1}", False, node.place)
+            name = s.Name(f"{prefix}_{len(draws) + 1}", False, node.place)
             below = tuple(s.Name(i, False, node.place) for i in indices)
-            found.append((s.Subscript(name, below, node.place) if below else name, node))
-            return found[-1][0]
+            draws.append((s.Subscript(name, below, node.place) if below else name, node))
+            return draws[-1][0]
         if isinstance(node, s.Comprehension):
             indices += tuple(name for clause in node.clauses for name in clause.targets)
         return mapped(node, partial(go, indices=indices))
 
     inner = go(expr)
-    if len(found) == 1:  # one draw needs no number
-        name, draw = found[0]
+    if len(draws) == 1:  # one draw needs no number
+        name, draw = draws[0]
         return Drawn(renamed(inner, f"{prefix}_1", prefix), ((renamed(name, f"{prefix}_1", prefix), draw),))
-    return Drawn(inner, tuple(found))
+    return Drawn(inner, tuple(draws))
 
 
 _LETTERS = "ijkmlnrqu"
@@ -290,7 +296,10 @@ def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
     used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
     looks = set(map(w.notation.symbol, used))
-    free = [i for i in _LETTERS if i not in used and m.Ident(i) not in looks]
+    free = []
+    for i in _LETTERS:
+        if i not in used and m.Ident(i) not in looks:
+            free.append(i)
     return tuple(s.Name(letter, False, expr.place) for letter in [*free, "ι", "κ"][:count])
 
 
@@ -301,8 +310,8 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
     go = partial(element, w, at=at)
     match expr:
         case s.Binary() | s.Unary() | s.Logical() | s.Compare() | s.IfElse() | s.Piecewise():
-            found: s.Expr = m.mapped(expr, go)
-            return found
+            result: s.Expr = m.mapped(expr, go)
+            return result
         case s.Call(function="onehot", args=(place, _)):
             return s.Compare(at[0], (("==", place),), expr.place)
         case s.Call(function=name, args=args) if name in FUNCTIONS and not FUNCTIONS[name].whole:
@@ -318,18 +327,18 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
 def _entry(w: Writer, expr: s.Subscript, at: tuple[s.Name, ...]) -> s.Expr:
     """Return an element of a row, a column or a part; its indices go together if they are the whole's."""
     left = list(at)
-    found: list[s.Expr] = []
+    entries: list[s.Expr] = []
     for index in expr.indices:
         if isinstance(index, s.Slice):
             if (index.start, index.stop, index.step) != (None, None, None):
                 return s.Subscript(expr, at, expr.place)
-            found.append(left.pop(0))
+            entries.append(left.pop(0))
         elif count := _picked_axes(w, index):
-            found.append(element(w, index, tuple(left[:count])))
+            entries.append(element(w, index, tuple(left[:count])))
             del left[:count]
         else:
-            found.append(index)
-    return replace(expr, indices=(*found, *left))
+            entries.append(index)
+    return replace(expr, indices=(*entries, *left))
 
 
 def _variable(expr: s.Expr) -> str | None:

@@ -119,9 +119,9 @@ class _TexReader:
 
     def taken(self, token: str) -> bool:
         """Read a token if it is the next one."""
-        found = self.peek() == token
-        self.at += found
-        return found
+        is_next = self.peek() == token
+        self.at += is_next
+        return is_next
 
     def skip_blanks(self) -> None:
         while (token := self.peek()) is not None and token.isspace():
@@ -129,19 +129,19 @@ class _TexReader:
 
     def items(self, *stops: str) -> list[Math]:
         """Return things up to one of the stops (left where it is) or the end."""
-        found: list[Math] = []
+        trees: list[Math] = []
         self.stops.extend(stops)
         self.depth += 1
         while (token := self.peek()) is not None and token not in self.stops:
             if token.isspace():
                 self.at += 1
             elif token in ("_", "^", "'"):
-                found.append(self.script(found.pop() if found else m.Row(())))
+                trees.append(self.script(trees.pop() if trees else m.Row(())))
             else:
-                found += self.one()
+                trees += self.one()
         self.depth -= 1
         del self.stops[len(self.stops) - len(stops) :]
-        return found
+        return trees
 
     def script(self, base: Math) -> Math:
         sub = None
@@ -288,9 +288,9 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
         holes: names which, alone in braces, are arguments of a template.
     """
     reader = _TexReader([_SAME.get(token, token) for token in _TOKEN.findall(text)], holes)
-    found: list[Math] = []
+    trees: list[Math] = []
     while reader.peek() is not None:
-        found += reader.items()
+        trees += reader.items()
         if reader.peek() is not None:  # a closing brace that closes nothing
-            found.append(m.Words(reader.take()))
-    return m.row(*found)
+            trees.append(m.Words(reader.take()))
+    return m.row(*trees)

@@ -132,12 +132,12 @@ def row(*items: Math) -> Math:
 
 
 def joined(items: Iterable[Math], mark: str = ",") -> Math:
-    found: list[Math] = []
+    pieces: list[Math] = []
     for item in items:
-        if found:
-            found.append(Sym(mark))
-        found.append(item)
-    return row(*found)
+        if pieces:
+            pieces.append(Sym(mark))
+        pieces.append(item)
+    return row(*pieces)
 
 
 def brackets(body: Math) -> Fence:
@@ -159,15 +159,17 @@ def upright(text: str) -> Ident:
 
 def children(node: Any) -> list[Any]:
     """Return the nodes right below a node of mathematics or of surface syntax, in reading order."""
-    found = []
-    waiting = [getattr(node, name) for name in reversed(node.__dataclass_fields__)]
+    nodes = []
+    waiting = []
+    for name in reversed(node.__dataclass_fields__):
+        waiting.append(getattr(node, name))
     while waiting:
         value = waiting.pop()
         if isinstance(value, tuple):
             waiting += reversed(value)
         elif hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
-            found.append(value)
-    return found
+            nodes.append(value)
+    return nodes
 
 
 def parts(node: Any) -> Iterator[Any]:

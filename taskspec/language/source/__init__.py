@@ -104,17 +104,15 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
                 raise spec_error("E711", f"`{EXTENDS}` names the file of a spec, which ends in .yaml, not {name!r}")
             other = os.path.normpath(pathlib.Path(document.origin.name).parent / name)
             if other in here:
-                circle = [pathlib.Path(each).name for each in (*here[here.index(other) :], other)]
+                circle = []
+                for each in (*here[here.index(other) :], other):
+                    circle.append(pathlib.Path(each).name)
                 raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
             if other not in known:
                 known[other] = _read_file(other, other, here, known)
             named[name] = known[other]
         except SpecError as error:
-            for d in error.diagnostics:
-                if d.span:
-                    problems.append(d)
-                else:
-                    problems.append(replace(d, span=document.span(path)))
+            problems += (replace(d, span=d.span or document.span(path)) for d in error.diagnostics)
     if problems:
         raise SpecError(problems)
     if named:
@@ -127,7 +125,8 @@ def _extended(data: Any) -> Iterator[tuple[Path, str]]:
         return
     entries: list[tuple[Path, Any]] = [((), data)]
     if isinstance(data.get("variants"), dict):
-        entries += [(("variants", key), value) for key, value in data["variants"].items()]
+        for key, value in data["variants"].items():
+            entries.append((("variants", key), value))
     for path, entry in entries:
         if isinstance(entry, dict) and isinstance(entry.get(EXTENDS), str):
             yield (*path, EXTENDS), entry[EXTENDS]

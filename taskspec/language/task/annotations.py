@@ -72,25 +72,27 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
         whole = context.forms.expr(path)
     parts: Sequence[s.Expr | None] = [whole]
     if isinstance(at, list):
-        parts = [context.forms.expr((*path, i)) for i in range(len(at))]
+        parts = []
+        for i in range(len(at)):
+            parts.append(context.forms.expr((*path, i)))
     elif isinstance(whole, s.Vector):
         parts = whole.items  # `at: "[x, y]"` is the same as `at: [x, y]`
     nodes = [_number_of(context, expr, scope) for expr in parts]
-    found = tuple(node for node in nodes if node is not None)
-    if len(found) < len(nodes):
+    place = tuple(node for node in nodes if node is not None)
+    if len(place) < len(nodes):
         return ()
-    inner = next((node.type.shape for node in found if node.type.shape), ())
+    inner = next((node.type.shape for node in place if node.type.shape), ())
     if parts == [whole]:
         shape = inner
     else:
-        shape = (len(found), *inner)
+        shape = (len(place), *inner)
     if shape not in [(n,) for n in sizes]:
         if 4 in sizes:
             more = ", or four with the way that it faces"
         else:
             more = ""
         context.report("E307", path, f"a place is two numbers{more}, but this has shape {list(shape)}")
-    return found
+    return place
 
 
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
@@ -217,9 +219,11 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
             if entry.get(key):
                 exprs[name][key] = {n: context.forms.expr(("symmetries", name, key, n)) for n in entry[key]}
     context.exprs["symmetries"] = exprs
-    found = []
+    declared = []
     for name, maps in exprs.items():
-        values = {n: context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()}
+        values = {}
+        for n, e in maps.get(SEEN, {}).items():
+            values[n] = context.checker.check(e, scope_of[SEEN])
         lines = maps.get(DONE, {})
         action: tuple[Node, ...] | None = ()
         if lines:
@@ -228,11 +232,11 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
             continue
         shown = dict(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
         doc = written[name].get("doc")
-        found.append(Symmetry(name, doc, observation.components, tuple(shown), tuple(shown.values()), action))
-        most = widest(found[-1].nodes)
+        declared.append(Symmetry(name, doc, observation.components, tuple(shown), tuple(shown.values()), action))
+        most = widest(declared[-1].nodes)
         if most:
             too_wide(context.collector, context.merged.key_span(("symmetries", name)), most)
-    return tuple(found)
+    return tuple(declared)
 
 
 def _shown(
@@ -277,17 +281,17 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
     names.seen = what_is_seen(context.builder, observation, Role.STATE)
     seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
-    found: dict[str, list[Node]] = {"initial": [], "next": []}
+    lines: dict[str, list[Node]] = {"initial": [], "next": []}
     for c in context.memory:
-        for key, nodes in found.items():
+        for key, nodes in lines.items():
             expr = context.forms.expr(("memory", c.name, key))
             context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
             node = context.assign(expr, scopes[key], c)
             if node is not None:
                 nodes.append(node)
-    if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
+    if not context.memory or any(len(nodes) < len(context.memory) for nodes in lines.values()):
         return None
-    raw_initial, raw_next = map(tuple, found.values())
+    raw_initial, raw_next = map(tuple, lines.values())
     initial, following = (_fitting(context.builder, context.memory, nodes) for nodes in (raw_initial, raw_next))
     return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
 
@@ -307,13 +311,13 @@ def looking(context: Context, memory: ExpertMemory, observation: Observation, ex
 
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    found = []
+    fitting = []
     for c, node in zip(components, nodes, strict=True):
         node = kept(builder, c, node)
         if c.type.kind is Kind.INT:
             node = builder.within(node, -INT_MAX, INT_MAX)
-        found.append(node)
-    return tuple(found)
+        fitting.append(node)
+    return tuple(fitting)
 
 
 def _check_names(context: Context, observation: Observation) -> None:

@@ -84,19 +84,19 @@ class MapPart:
 
 def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tied: bool = False) -> tuple[MapPart, ...]:
     """Return the parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
-    found: list[tuple[set[str], list[int]]] = []
+    groups: list[tuple[set[str], list[int]]] = []
     for i, node in enumerate(nodes):
         names = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set())
         numbers = [i]
-        for group in [g for g in found if g[0] & names]:
-            found.remove(group)
+        for group in [g for g in groups if g[0] & names]:
+            groups.remove(group)
             names = names | group[0]
             numbers = [*group[1], *numbers]
-        found.append((names, numbers))
-    unread = set(all_names(inputs)) - {name for names, _ in found for name in names}
-    found += [({name}, []) for name in sorted(unread)]
+        groups.append((names, numbers))
+    unread = set(all_names(inputs)) - {name for names, _ in groups for name in names}
+    groups += [({name}, []) for name in sorted(unread)]
     made = []
-    for names, numbers in found:
+    for names, numbers in groups:
         chosen = tuple(c for c in inputs if c.name in names)
         made.append(_part(role, chosen, sorted(numbers), nodes))
     return tuple(made)
@@ -109,14 +109,16 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
         high = part.listed.max(axis=0).tolist()
         yield from zip(map(float, low), map(float, high), strict=True)
     elif part.moves is not None:
-        ends = [_made(part.moves, end) for end in _ends(part.inputs)]
+        ends = []
+        for end in _ends(part.inputs):
+            ends.append(_made(part.moves, end))
         yield from zip(np.minimum(*ends).tolist(), np.maximum(*ends).tolist(), strict=True)
 
 
 def _made(moves: Moves, flat: Array) -> Array:
     """Return what elements become that are moved; 0 without a source."""
-    found: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
-    return found
+    moved: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
+    return moved
 
 
 def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:
@@ -129,7 +131,9 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
     elements = total_size(chosen) + total_size(inputs)
     if size * elements > limits().points:
         return MapPart(inputs, outputs)
-    read = {(role, c.name): v for c, v in zip(inputs, _all(inputs, np.arange(int(size))), strict=True)}
+    read = {}
+    for c, v in zip(inputs, _all(inputs, np.arange(int(size))), strict=True):
+        read[(role, c.name)] = v
     listed = _rows(evaluate(chosen, read), int(size))
     with np.errstate(over="ignore"):
         are_numbers = np.isfinite(listed.astype(np.float32)).all()
@@ -142,19 +146,21 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
 def _all(components: Sequence[Component], rows: Array) -> list[Array]:
     """Return values (*shape, N) of finite components whose combinations have these numbers."""
     rest = rows
-    found = []
+    values = []
     for c in reversed(components):
         digits = []
         for low, n in reversed(list(zip(c.low, c.counts, strict=True))):
             rest, digit = np.divmod(rest, n)
             digits.append(digit + int(low))
-        found.append(np.array(digits[::-1]).reshape(*c.type.shape, len(rows)).astype(DTYPES[c.type.kind]))
-    return found[::-1]
+        values.append(np.array(digits[::-1]).reshape(*c.type.shape, len(rows)).astype(DTYPES[c.type.kind]))
+    return values[::-1]
 
 
 def _rows(values: Sequence[Array], lanes: int) -> Array:
     """Return all elements (lanes, elements) of values (*shape, lanes or 1)."""
-    flat = [np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)) for v in values]
+    flat = []
+    for v in values:
+        flat.append(np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)))
     if flat:
         return np.concatenate(flat).T
     return np.zeros((lanes, 0), np.int64)
@@ -204,7 +210,8 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
 
     def told_apart(nodes: Sequence[Node], most: int) -> Moves | None:
         """Return elements of nodes that only move; None where they may round: sums with reals, or beyond `most`."""
-        shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
+        shift = _rows(evaluate(nodes, zeros), 1)[0].astype(np.float64)
+        tagged = _rows(evaluate(nodes, tags), 1)[0].astype(np.float64)
         if not np.isfinite(shift).all():
             return None
         factor = np.rint(tagged - shift).astype(np.int64)
@@ -216,7 +223,10 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
             return None
         return Moves(source, np.sign(factor), shift)
 
-    sums = [node for node in walk(nodes) if isinstance(node, Apply) and node.op in ("add", "sub") and reads([node])]
+    sums = []
+    for node in walk(nodes):
+        if isinstance(node, Apply) and node.op in ("add", "sub") and reads([node]):
+            sums.append(node)
     inner = told_apart(sums, WHOLE)
     if inner is None or (np.abs(inner.shift) > WHOLE / 2).any():  # where tags would round, too
         return None
@@ -255,16 +265,16 @@ def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
 def codes(part: MapPart) -> Array:
     """Return the number of the value that each value of a listed part becomes; -1 for one that is none of them."""
     assert part.listed is not None
-    found = np.zeros(len(part.listed), np.int64)
+    numbers = np.zeros(len(part.listed), np.int64)
     at = 0
     wrong = np.zeros(len(part.listed), np.bool_)
     for c in part.inputs:
         for low, count in zip(c.low, c.counts, strict=True):
             digit = part.listed[:, at].astype(np.int64) - int(low)
             wrong |= (digit < 0) | (digit >= count)
-            found = found * count + digit
+            numbers = numbers * count + digit
             at = at + 1
-    return np.where(wrong, -1, found)
+    return np.where(wrong, -1, numbers)
 
 
 def outside(part: MapPart) -> tuple[Values, Values] | None:
@@ -278,8 +288,13 @@ def outside(part: MapPart) -> tuple[Values, Values] | None:
     if part.moves is None:
         return None
     low, high = _ends(part.inputs)
-    kinds = [c.type.kind for c in part.inputs for _ in range(c.type.size)]
-    same_kinds = [i < 0 or kind is kinds[i] for kind, i in zip(kinds, part.moves.source, strict=True)]
+    kinds = []
+    for c in part.inputs:
+        for _ in range(c.type.size):
+            kinds.append(c.type.kind)
+    same_kinds = []
+    for kind, i in zip(kinds, part.moves.source, strict=True):
+        same_kinds.append(i < 0 or kind is kinds[i])
     if list(bounds(part)) == list(zip(low, high, strict=True)) and all(same_kinds):
         return None
     for ends in (low, high):  # one of the two leaves the ranges, or does not reach all of them

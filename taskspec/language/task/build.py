@@ -96,16 +96,19 @@ def attempts(
         before: what was made, for the same values, of the text before its last change; what is right and still the same
             is taken from there, and its places become those of this document.
     """
-    found = list(check_shape(document))
-    is_whole = not found
+    problems = list(check_shape(document))
+    is_whole = not problems
     rest: Document | None = document
     words: set[str] = set()
     if not is_whole:
         rest, words = remainder(document)
     if rest is None:
-        return [], in_order(found)
+        return [], in_order(problems)
     made = []
-    right = {each.merged.variant: each for each in before if each.is_right}
+    right = {}
+    for each in before:
+        if each.is_right:
+            right[each.merged.variant] = each
     for variant in variants or variant_names(rest.data).values():
         merged = merge(rest, variant)
         mistakes: Sequence[Diagnostic] = ()
@@ -114,8 +117,10 @@ def attempts(
             attempt, mistakes = _attempt(merged, values or {})
         if attempt is not None:
             made.append(attempt)
-        found += [d for d in mistakes if is_whole or not _follows(d, words)]
-    return made, in_order({(d.code, d.span): d for d in found}.values())
+        for d in mistakes:
+            if is_whole or not _follows(d, words):
+                problems.append(d)
+    return made, in_order({(d.code, d.span): d for d in problems}.values())
 
 
 def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
@@ -157,9 +162,9 @@ _EMPTY: dict[str, Any] = {"state": {}, "action": {}, "horizon": 1, "initial": {}
 """Sections in the place of those that a spec does not have yet."""
 
 
-def _follows(found: Diagnostic, words: set[str]) -> bool:
+def _follows(mistake: Diagnostic, words: set[str]) -> bool:
     """Return whether a mistake follows from entries that were left out: it names one, or something is missing."""
-    return found.code in ("E203", "E210", "E217") or bool(words & set(re.findall(r"['`](\w+)", found.message)))
+    return mistake.code in ("E203", "E210", "E217") or bool(words & set(re.findall(r"['`](\w+)", mistake.message)))
 
 
 def _kind(value: Any) -> tuple[str, float]:
@@ -320,10 +325,10 @@ def _check(task: Task, name: str) -> None:
         raise spec_error("E713", message)
 
 
-def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
+def _refused(mistake: Diagnostic, names: Sequence[str]) -> Diagnostic:
     subject = f"all of the parameters {', '.join(names)}"
     if len(names) == 1:
         subject = f"parameter {names[0]}"
-    why = found.message.partition(":")[0]
+    why = mistake.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"
-    return Diagnostic("E713", found.span, f"{subject} cannot differ between lanes: {why}", hint)
+    return Diagnostic("E713", mistake.span, f"{subject} cannot differ between lanes: {why}", hint)

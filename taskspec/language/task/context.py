@@ -131,15 +131,25 @@ class Context:
     def collect_labels(self) -> None:
         """Collect the labels of all components, and which of them are no names."""
         components = (*self.state, *self.action, *self.memory)
-        self.domains = [c.domain for c in components if c.domain is not None]
-        labels = (label for domain in self.domains for label in domain.labels)
+        self.domains = []
+        for c in components:
+            if c.domain is not None:
+                self.domains.append(c.domain)
+        labels = []
+        for domain in self.domains:
+            labels += domain.labels
         self.forms.labels = frozenset(label for label in labels if not is_word(label))
 
     def surface(self) -> Surface:
         """Return what the author wrote, and what each part of it came to."""
         checker = self.checker
-        sections = {id(scope): name for name, scope in self.named_scopes.items()}
-        meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
+        sections = {}
+        for name, scope in self.named_scopes.items():
+            sections[id(scope)] = name
+        meanings = {}
+        for (part, at), meaning in checker.results.items():
+            if at in sections:
+                meanings[(sections[at], part)] = meaning
         return Surface(
             self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes, checker.argument_axes,
             checker.checked,

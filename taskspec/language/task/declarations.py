@@ -47,14 +47,17 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
     scope = context.constant_scope("parameters are fixed numbers")
     for name in names:
         _check_option(context, name)
-        found = _bind_parameter(context, name, given, scope)
-        if found is None:
+        parameter = _bind_parameter(context, name, given, scope)
+        if parameter is None:
             context.constants[name] = Lazy(poison)
             continue
-        context.parameters.append(found[0])
-        context.constants[name] = found[1]
-        context.checker.parameters[name] = found[0].value
-    without_place = [d for d in context.collector.diagnostics if d.span is None]
+        context.parameters.append(parameter[0])
+        context.constants[name] = parameter[1]
+        context.checker.parameters[name] = parameter[0].value
+    without_place = []
+    for d in context.collector.diagnostics:
+        if d.span is None:
+            without_place.append(d)
     if without_place:  # of values that were given: there is no task for them
         context.collector.raise_if_errors()
     if context.collector.has_errors:
@@ -67,16 +70,16 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
 def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
     """Return values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
     names = list(aliases.values())
-    found = dict[str, Any]()
+    values = dict[str, Any]()
     for key, value in given.items():
         name = aliases.get(key, key)
         if name not in names:
             known = suggest(key, [*names, *aliases]) or f"its parameters are {', '.join(names) or 'none'}"
             context.collector.add("E702", None, f"{context.merged.name} has no parameter '{key}'", known)
-        elif name in found:
+        elif name in values:
             context.collector.add("E702", None, f"'{name}' and '{key}' are one parameter; give it once")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def _check_option(context: Context, name: str) -> None:
@@ -133,7 +136,9 @@ def _bind_parameter(
         return None
     if not _check_within(context, name, value, low, high, labels, name in given):
         return None
-    shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
+    shown = {}
+    for k in ("symbol", "doc", "alias"):
+        shown[k] = entry.get(k)
     parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
     if labels is not None:
         return parameter, Value(context.builder.scalar(labels.index(value)), domain)
@@ -167,12 +172,12 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
         return value
     expr = context.expr((*path, "default"))
     node = context.checker.constant(expr, scope, "a default")
-    found = convert(node.value, kind)
-    if found is None:
+    converted = convert(node.value, kind)
+    if converted is None:
         message = f"the default is {brief(node.value)} ({node.type}), but the parameter is {article(kind)}"
         context.collector.add("E213", expr.place, message)
         raise Poisoned
-    return found
+    return converted
 
 
 def _converted(context: Context, name: str, value: Any, kind: str, labels: Any) -> Any:
@@ -180,15 +185,15 @@ def _converted(context: Context, name: str, value: Any, kind: str, labels: Any) 
         value = value.value
     if kind == "choice" and isinstance(value, str) and value in labels:
         return value
-    found = convert(value, kind)
-    if found is None:
+    converted = convert(value, kind)
+    if converted is None:
         if kind != "choice":
             wanted = article(kind)
         else:
             wanted = f"one of {', '.join(map(str, labels))}"
         context.collector.add("E703", None, f"parameter {name} must be {wanted}, not {brief(value)}")
         raise Poisoned
-    return found
+    return converted
 
 
 def _check_within(context: Context, name: str, value: Any, low: Any, high: Any, labels: Any, given: bool) -> bool:
@@ -226,8 +231,10 @@ def bind_constants(context: Context, resolve: bool = True) -> None:
 
 def fixed_constants(context: Context) -> dict[str, Const]:
     """Return the values of the constants."""
-    found = {name: context.constant(name) for name in context.data.get("constants") or {}}
-    return {name: value.node for name, value in found.items() if value and isinstance(value.node, Const)}
+    constants = {}
+    for name in context.data.get("constants") or {}:
+        constants[name] = context.constant(name)
+    return {name: value.node for name, value in constants.items() if value and isinstance(value.node, Const)}
 
 
 def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Value:
@@ -238,10 +245,10 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
         return Value(_grid(context, value, path, scope))
     expr = context.expr(path)
     with context.builder.written(apart=True) as written:
-        found = context.checker.value(expr, scope)
-    if isinstance(found.node, Const) or not written:
-        return found  # one that is no constant depends on parameters that are left open
-    if reads([found.node]):
+        result = context.checker.value(expr, scope)
+    if isinstance(result.node, Const) or not written:
+        return result  # one that is no constant depends on parameters that are left open
+    if reads([result.node]):
         context.checker.fail("E312", expr, "what a constant is drawn from must be a constant")
     if seed is None:
         hint = "declare it: `instance_seed: {type: int, default: 0, low: 0}`"
@@ -251,8 +258,8 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
     # The same seed gives the same constant, independent of other declarations.
     layout = WordLayout.dealt(written.values())
     words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
-    (flat,) = evaluate([found.node], {}, sampler(layout, words))
-    return Value(context.builder.constant(flat, found.node.type), found.domain)
+    (flat,) = evaluate([result.node], {}, sampler(layout, words))
+    return Value(context.builder.constant(flat, result.node.type), result.domain)
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
@@ -284,8 +291,8 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
                 raise Poisoned
             cells.append(legend[char])
         start += (len(line) + 1) * is_block
-    found = context.builder.structure("vector", cells)
-    grid = context.builder.structure("reshape", [found], (len(lines), len(lines[0]), *found.type.shape[1:]))
+    vector = context.builder.structure("vector", cells)
+    grid = context.builder.structure("reshape", [vector], (len(lines), len(lines[0]), *vector.type.shape[1:]))
     assert isinstance(grid, Const)
     return grid
 
@@ -300,7 +307,7 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
         context.report_key("E210", (section,), f"`{section}:` names no component", hint)
         return ()
     scope = context.constant_scope("domains are fixed")
-    found: list[Component] = []
+    components: list[Component] = []
     for name, entry in context.data[section].items():
         c = component(context, (section, name), scope)
         if c is None:
@@ -309,10 +316,10 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
             c = Component(name, Type(Kind.REAL), (-math.inf,), (math.inf,))
             if labels:
                 c = Component(name, Type(Kind.INT), (0.0,), (float(len(labels) - 1),), Domain(labels))
-        found.append(c)
-    size = total_size(found)
+        components.append(c)
+    size = total_size(components)
     fits(context, size, context.merged.key_span((section,)), f"`{section}:`", int(section != "memory"))
-    return tuple(found)
+    return tuple(components)
 
 
 def component(context: Context, path: Path, scope: Scope) -> Component | None:
@@ -364,7 +371,10 @@ def check_order(context: Context, low: Sequence[float], high: Sequence[float], p
         if not a <= b or a == math.inf or b == -math.inf:
             message = f"no value lies between low = {a:g} and high = {b:g}"
             written = context.forms.value(path)
-            ends = (context.forms.expr((*path, key)) for key in ("low", "high") if written.get(key) is not None)
+            ends = []
+            for key in ("low", "high"):
+                if written.get(key) is not None:
+                    ends.append(context.forms.expr((*path, key)))
             context.collector.add("E407", context.merged.span(path), message, notes=context.checker.values_of(*ends))
             raise Poisoned
 
@@ -397,7 +407,9 @@ def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope
     labels = tuple(map(str, values))
     if isinstance(values, list):
         return Domain(labels, symbols=symbols)
-    nodes = [context.checker.constant(context.expr((*here, key)), scope, "the value of a label") for key in values]
+    nodes = []
+    for key in values:
+        nodes.append(context.checker.constant(context.expr((*here, key)), scope, "the value of a label"))
     if not have_one_shape(nodes):
         context.stop("E307", here, "the values of the labels have different shapes")
     kind = max(INT.kind, *(n.type.kind for n in nodes))

@@ -90,18 +90,20 @@ class Forms:
     def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
         """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
         key = (path, text.value, limits().characters)
-        found: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
-        if found is not None:
-            self.merged.parsed[key] = found
-        return found
+        syntax: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
+        if syntax is not None:
+            self.merged.parsed[key] = syntax
+        return syntax
 
     def _vector(self, items: list[Any], path: Path) -> s.Expr | None:
         if len(items) == 1 and isinstance(items[0], str) and _FOR.search(items[0]):
             return self.parsed(self._in_brackets(items[0], (*path, 0)), path)
-        exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
-        found = tuple(e for e in exprs if e is not None)
-        if len(found) == len(items):
-            return s.Vector(found, self.place(path))
+        exprs = []
+        for i, item in enumerate(items):
+            exprs.append(self.tree(item, (*path, i)))
+        elements = tuple(e for e in exprs if e is not None)
+        if len(elements) == len(items):
+            return s.Vector(elements, self.place(path))
         return None
 
     def _in_brackets(self, item: str, path: Path) -> s.SourceText:
@@ -124,7 +126,10 @@ class Forms:
                 message = f"expected a case (`if` and `then`), found {values.kind(item)}"
                 self.report(Problem("E209", (), message), here)
                 continue
-            parts = {key: self.tree(item[key], (*here, key)) for key in ("if", "then", "else") if key in item}
+            parts = {}
+            for key in ("if", "then", "else"):
+                if key in item:
+                    parts[key] = self.tree(item[key], (*here, key))
             if self._is_case(item, i == len(items) - 1, here):
                 condition = parts.get("if")
                 then = parts.get("then")
@@ -203,12 +208,12 @@ class Forms:
         if str(key) in self.labels:
             return label
         known = (path, "key", text.value, limits().characters)
-        found: s.Expr | None = self.merged.parsed.get(known)
-        if found is not None:
-            return found
+        parsed: s.Expr | None = self.merged.parsed.get(known)
+        if parsed is not None:
+            return parsed
         try:
-            found = self.merged.parsed[known] = parse(text)
-            return found
+            parsed = self.merged.parsed[known] = parse(text)
+            return parsed
         except SpecError as error:
             if len(str(key).split()) > 1 and not any(c in str(key) for c in "()[]+*/%<>=,"):
                 return label  # such as `top left`

@@ -58,8 +58,8 @@ def with_all_actions(task: Task) -> Task:
 def action_mask(task: Task, states: Mapping[str, Array]) -> Array:
     """Return which actions are legal in some states by component, (*shape, N): bool (n, N), for a task with `legal`."""
     lanes = next(iter(states.values())).shape[-1]
-    (found,) = evaluate(task.mask, {(Role.STATE, name): value for name, value in states.items()})
-    return np.broadcast_to(found, (*task.mask[0].type.shape, lanes))
+    (mask,) = evaluate(task.mask, {(Role.STATE, name): value for name, value in states.items()})
+    return np.broadcast_to(mask, (*task.mask[0].type.shape, lanes))
 
 
 def choices(task: Task, states: Mapping[str, Array]) -> Array:

@@ -94,16 +94,17 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
     names: dict[str, str | None] = {name: None}
     variants = data.get("variants")
     if isinstance(variants, dict):
-        names |= {task_name(name, str(key)): str(key) for key in variants}
+        for key in variants:
+            names[task_name(name, str(key))] = str(key)
     return names
 
 
 def complete(document: Document) -> list[str | None]:
     """Return the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
-    found = list(variant_names(document.data).values())
-    if len(found) > 1 and merge(document).missing:
-        return found[1:]
-    return found
+    variants = list(variant_names(document.data).values())
+    if len(variants) > 1 and merge(document).missing:
+        return variants[1:]
+    return variants
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:
@@ -167,10 +168,10 @@ def _root(variant: str | None) -> Path:
 
 
 def _sections(document: Document, variant: str | None) -> dict[str, Any]:
-    found: dict[str, Any] = document.data
+    sections: dict[str, Any] = document.data
     for step in _root(variant):
-        found = found[str(step)] or {}
-    return found
+        sections = sections[str(step)] or {}
+    return sections
 
 
 def _entries(
@@ -208,16 +209,16 @@ def _claims(
     """Return the claims without those that are dropped and with those that are added, and those dropped that there are not."""
     document, start = here
     dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
-    found = []
+    claims = []
     for i, claim in enumerate(data.get("claims") or []):
         if statement(claim) not in dropped:
-            found.append((claim, _place(moved, document, ("claims", i))))
+            claims.append((claim, _place(moved, document, ("claims", i))))
     unknown = set(dropped) - set(map(statement, data.get("claims") or []))
-    found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
+    claims += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
     _move(moved, ("claims",), here)
-    moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
+    moved |= {("claims", i): place for i, (_, place) in enumerate(claims)}
     moved |= {("claims", claim): (document, (*start, "claims", "drop", dropped[claim])) for claim in unknown}
-    return [claim for claim, _ in found], [("claims", claim) for claim in dropped if claim in unknown]
+    return [claim for claim, _ in claims], [("claims", claim) for claim in dropped if claim in unknown]
 
 
 def abstracted(merged: Merged) -> Merged | None:
@@ -231,7 +232,10 @@ def abstracted(merged: Merged) -> Merged | None:
     memory = ("memory", "expert") if merged.data.get("memory") else ()  # a stand-in shows no observations to remember
     data = {key: value for key, value in merged.data.items() if key not in (*_NOT_ABSTRACT, *memory)}
     if merged.data.get("symmetries"):  # a stand-in shows other things, and is steered alike
-        data["symmetries"] = {name: {"action": s.get("action") or {}} for name, s in data["symmetries"].items()}
+        steering = {}
+        for name, s in data["symmetries"].items():
+            steering[name] = {"action": s.get("action") or {}}
+        data["symmetries"] = steering
     moved = dict(merged.moved)
     for section, value in over.items():
         if section != "map" and value is not None:
@@ -243,7 +247,10 @@ def abstracted(merged: Merged) -> Merged | None:
 
 def stripped(merged: Merged) -> Merged:
     """Return what resets and steps a task, and no more."""
-    data = {key: value for key, value in merged.data.items() if key not in _BESIDE}
+    data = {}
+    for key, value in merged.data.items():
+        if key not in _BESIDE:
+            data[key] = value
     return Merged(merged.document, merged.name, merged.variant, data, merged.moved)
 
 

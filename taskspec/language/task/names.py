@@ -81,7 +81,8 @@ class Names:
                 visible[name + "'"] = value
             hint = "an observation after a step is written with a prime"
             visible |= {c.name: self.context.bound(c, Role.ACTION) for c in self.context.action}
-            visible |= {c.name: self.context.bound(c, Role.STATE) for c in self.context.memory}
+            for c in self.context.memory:
+                visible[c.name] = self.context.bound(c, Role.STATE)
             self._bind_time(visible, section)
         return self._restricted(section, visible, "a memory is computed from observations, and '{}' is not", hint)
 

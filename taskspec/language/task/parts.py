@@ -77,7 +77,8 @@ Grid: TypeAlias = Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
 def cases(grid: Grid) -> Iterator[dict[str, Any]]:
     """Yield every choice of values, the first parameter changing slowest; none without a grid."""
     for entry in _entries(grid):
-        yield from (dict(zip(entry, values, strict=True)) for values in product(*map(as_list, entry.values())))
+        for values in product(*map(as_list, entry.values())):
+            yield dict(zip(entry, values, strict=True))
 
 
 def size(grid: Grid) -> int:
@@ -174,10 +175,10 @@ def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) ->
 
 def counts_of(components: Iterable[Component]) -> list[int]:
     """Return how many values each element of finite components takes, one component after the other."""
-    found: list[int] = []
+    counts: list[int] = []
     for c in components:
-        found += c.counts
-    return found
+        counts += c.counts
+    return counts
 
 
 def are_finite(components: Iterable[Component]) -> bool:
@@ -241,10 +242,10 @@ class ExpertMemory:
     @property
     def lines(self) -> tuple[Node, ...]:
         """All values as declared, a first and a next one in turn."""
-        found: list[Node] = []
+        nodes: list[Node] = []
         for first, later, _ in zip(self.raw_initial, self.raw_next, self.declared, strict=False):
-            found += (first, later)
-        return tuple(found)
+            nodes += (first, later)
+        return tuple(nodes)
 
 
 @dataclass(frozen=True)
@@ -394,8 +395,13 @@ class Figure:
     @property
     def nodes(self) -> tuple[Node, ...]:
         """All that it shows."""
-        single = [node for node in (self.curve, self.values) if node is not None]
-        places = [node for at in self.objects.values() for node in at]
+        single = []
+        for node in (self.curve, self.values):
+            if node is not None:
+                single.append(node)
+        places = []
+        for at in self.objects.values():
+            places += at
         return (*self.at, *places, *single, *self.highlight.values())
 
 
@@ -413,10 +419,10 @@ class Surface:
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
         """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""
-        found = self.meanings.get((section, id(part)))
-        if found is None:
+        value = self.meanings.get((section, id(part)))
+        if value is None:
             return None
-        return found[1]
+        return value[1]
 
 
 # The kinds of figures. `taskspec.show.figures` imports the module that an entry names when it draws a figure of that kind.

@@ -37,7 +37,10 @@ def task_of(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
     try:
         return _pipeline(context, names, dict(parameters), suite)
     except SpecError as error:
-        lacking = [d for d in error.diagnostics if d.code == "E407" and d.span is not None]
+        lacking = []
+        for d in error.diagnostics:
+            if d.code == "E407" and d.span is not None:
+                lacking.append(d)
         if len(lacking) < 2:
             raise
         others = [d for d in error.diagnostics if d not in lacking]
@@ -154,7 +157,10 @@ def check_unused(context: Context, names: Names) -> None:
 
 def content_hash(context: Context) -> str:
     """SHA-256 of what decides the task's behaviour: its semantic sections and its parameter values."""
-    content = {section: context.data[section] for section in SEMANTIC if section in context.data}
+    content = {}
+    for section in SEMANTIC:
+        if section in context.data:
+            content[section] = context.data[section]
     content["format"] = context.data.get("taskspec", 1)
     content["values"] = {p.name: p.value for p in context.parameters}
     return hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()

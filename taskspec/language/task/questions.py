@@ -45,15 +45,17 @@ def components_followed(
         of_step: whether the expressions may have next values in them.
     """
     expressions = tuple(expressions)
-    found: set[str] = set()
+    followed: set[str] = set()
     fresh = components_read(expressions)
     if of_step:
         inside = set(map(id, walk(expressions)))
-        fresh |= {name for name, value in following.items() if id(value) in inside}
+        for name, value in following.items():
+            if id(value) in inside:
+                fresh.add(name)
     while fresh:
-        found |= fresh
-        fresh = components_read([following[name] for name in fresh if name in following]) - found
-    return found
+        followed |= fresh
+        fresh = components_read([following[name] for name in fresh if name in following]) - followed
+    return followed
 
 
 def constant(expression: Expression) -> Any:

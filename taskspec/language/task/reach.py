@@ -35,7 +35,7 @@ def reach(
     if not tight and all(map(math.isfinite, chain.from_iterable(declared.values()))):
         return declared
     first: dict[int, Range] = {}
-    found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
+    intervals = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
 
     nodes = [(node, tuple(map(id, children(node)))) for node in walk(following)]
     known: dict[int, Range] = {}
@@ -49,15 +49,17 @@ def reach(
         return wider
 
     for _ in range(MAX_STEPS if horizon is None else min(horizon, MAX_STEPS)):
-        wider = step(found)
-        if wider == found:
-            return found
-        found = wider
+        wider = step(intervals)
+        if wider == intervals:
+            return intervals
+        intervals = wider
     if horizon is not None and horizon <= MAX_STEPS:
-        return found
-    while (wider := step(found)) != found:  # what still moves may go anywhere
-        found = {name: edge if wider[name] == edge else declared[name] for name, edge in found.items()}
-    return found
+        return intervals
+    while (wider := step(intervals)) != intervals:  # what still moves may go anywhere
+        for name, edge in wider.items():
+            if edge != intervals[name]:
+                intervals[name] = declared[name]
+    return intervals
 
 
 def _move(nodes: Iterable[tuple[Node, tuple[int, ...]]], known: dict[int, Range], reached: dict[str, Interval]) -> None:
@@ -81,8 +83,11 @@ def _move(nodes: Iterable[tuple[Node, tuple[int, ...]]], known: dict[int, Range]
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
     """Return what is known of the state reads below some nodes, for `interval.bounds`."""
-    reads = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
-    return {id(n): Range(*reached[n.name]) for n in reads if n.name in reached}
+    known = {}
+    for n in walk(roots):
+        if isinstance(n, Read) and n.role is Role.STATE and n.name in reached:
+            known[id(n)] = Range(*reached[n.name])
+    return known
 
 
 def _within(edge: Interval, declared: Interval) -> Interval:
@@ -124,14 +129,14 @@ def saturated(
 ) -> list[Node]:
     """Return next states in which ints without bounds stop at +-(2**31 - 1), where they could get further within the horizon."""
     reached = reach(state, initial, following, horizon)
-    found = []
+    nexts = []
     for c, node in zip(state, following, strict=True):
         low, high = reached[c.name]
         is_endless = c.type.kind is Kind.INT and not (c.least > -INF and c.most < INF)
         if is_endless and not (low >= -INT_MAX and high <= INT_MAX):
             node = builder.within(node, -INT_MAX, INT_MAX)
-        found.append(node)
-    return found
+        nexts.append(node)
+    return nexts
 
 
 def widest(
@@ -228,14 +233,20 @@ class Observed:
             high = reached[1]
         else:
             high = math.inf
-        ends = ((a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges)
-        return [(min(pair), max(pair)) for pair in ends]  # a real that starts outside its range is an error of `check`
+        ends = []
+        for a, b in edges:
+            if not math.isfinite(a):
+                a = low
+            if not math.isfinite(b):
+                b = high
+            ends.append((min(a, b), max(a, b)))  # a real that starts outside its range is an error of `check`
+        return ends
 
 
 def what_is_seen(builder: Builder, observation: Observation, role: Role = Role.NEXT) -> Mapping[str, Value]:
     """Return what is observed, by name, as the memory and symmetries read it (NEXT), or the expert (STATE)."""
-    found = {}
+    seen = {}
     for c, node in zip(observation.components, observation.nodes, strict=True):
         read = builder.read(role, c.name, c.type, *builder.certain(node))
-        found[c.name] = Value(read, c.domain, late=True)
-    return found
+        seen[c.name] = Value(read, c.domain, late=True)
+    return seen

@@ -56,13 +56,13 @@ def record(task: Task) -> dict[str, Any]:
 
 def constants(task: Task) -> dict[str, Any]:
     """Return the constants of a task; those that are drawn have the values of this instance."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, value in task.constants.items():
         if isinstance(value, bool | int | float):
-            found[name] = value
+            values[name] = value
         else:
-            found[name] = value.tolist()
-    return found
+            values[name] = value.tolist()
+    return values
 
 
 def parameter(p: Parameter) -> dict[str, Any]:
@@ -71,10 +71,10 @@ def parameter(p: Parameter) -> dict[str, Any]:
 
 
 def component(c: Component) -> dict[str, Any]:
-    found: dict[str, Any] = {"name": c.name, "type": str(c.type.kind), "shape": list(c.type.shape), "doc": c.doc}
+    data: dict[str, Any] = {"name": c.name, "type": str(c.type.kind), "shape": list(c.type.shape), "doc": c.doc}
     if c.domain is not None:
-        return found | {"type": "choice", "labels": list(c.domain.labels)}
-    return found | {"low": _bound(c.low), "high": _bound(c.high)}
+        return data | {"type": "choice", "labels": list(c.domain.labels)}
+    return data | {"low": _bound(c.low), "high": _bound(c.high)}
 
 
 def _bound(values: Sequence[float]) -> Any:
@@ -102,7 +102,9 @@ def _extent(components: Sequence[Component]) -> str:
     for c in components:
         if not c.is_finite:
             sets[c.type.kind] = sets.get(c.type.kind, 0) + c.type.size
-    parts = [f"{_SETS[kind]}{'' if n == 1 else str(n).translate(_RAISED)}" for kind, n in sets.items()]
+    parts = []
+    for kind, n in sets.items():
+        parts.append(f"{_SETS[kind]}{'' if n == 1 else str(n).translate(_RAISED)}")
     return " ".join([*([_short(finite)] if finite > 1 or not parts else []), *parts])
 
 
@@ -139,8 +141,8 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
 
 def space_words(layout: SpaceLayout) -> str:
     """Return a Gymnasium space in words: `Discrete(21)`, `Box(50) in [0, 1]`."""
-    found = space(layout)
-    match found:
+    words = space(layout)
+    match words:
         case {"space": "Discrete", "n": n, "start": start}:
             if start == 0:
                 return f"Discrete({n})"
@@ -154,7 +156,7 @@ def space_words(layout: SpaceLayout) -> str:
             if not isinstance(low, list) and not isinstance(high, list):
                 bounds = f" in {interval(low, high)}"
             return f"Box({_listed(shape)}){bounds}"
-    raise AssertionError(found)
+    raise AssertionError(words)
 
 
 def _listed(items: Sequence[Any]) -> str:

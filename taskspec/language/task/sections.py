@@ -48,7 +48,7 @@ def initial_values(context: Context, names: Names) -> list[Node]:
     scope = names.initial_scope()
     _check_names(context, "initial", all_names(context.state))
     components = entries_by_name(context.state)
-    found: dict[str, Node] = {}
+    values: dict[str, Node] = {}
     for name, expr in context.exprs["initial"].items():
         c = components.get(name)
         if c is None:
@@ -58,20 +58,20 @@ def initial_values(context: Context, names: Names) -> list[Node]:
             names.define(scope, name, Lazy(poison))
             continue
         context.raw_initial[name] = node
-        found[name] = kept(context.builder, c, node)
-        names.define(scope, name, Value(found[name], c.domain, late=True))
+        values[name] = kept(context.builder, c, node)
+        names.define(scope, name, Value(values[name], c.domain, late=True))
     for c in context.state:
         if c.name in context.exprs["initial"]:
             continue
         if c.low == c.high:  # there is nothing to choose
-            found[c.name] = context.raw_initial[c.name] = context.builder.constant(c.low, c.type)
+            values[c.name] = context.raw_initial[c.name] = context.builder.constant(c.low, c.type)
             continue
         # Reported at `initial`, unless a variant declares the component beside the spec's `initial`.
         declared: Path = ("state", c.name)
         is_added = context.merged.origin(declared) != context.merged.origin(("initial",))
         path: Path = declared if is_added else ("initial",)
         context.report_key("E217", path, f"'{c.name}' has no value in `initial`", f"add `{c.name}: ...`")
-    return [found[c.name] for c in context.state if c.name in found]
+    return [values[c.name] for c in context.state if c.name in values]
 
 
 def _check_names(context: Context, section: str, known: list[str]) -> None:
@@ -90,24 +90,24 @@ def next_values(context: Context, names: Names) -> list[Node]:
     """Return nodes of the next state, in order; a component that is not named keeps its value."""
     _check_names(context, "dynamics", [c.name + "'" for c in context.state])
     place = context.place("dynamics")
-    found = []
+    values = []
     for c in context.state:
         try:
-            found.append(names.next_value(c.name, s.Name(c.name, True, place)).node)
+            values.append(names.next_value(c.name, s.Name(c.name, True, place)).node)
         except Poisoned:
             continue
-    return found
+    return values
 
 
 def saturate(context: Context, names: Names, initial: list[Node], following: list[Node]) -> list[Node]:
     """Return next states with ints that fit; what reads a next value later reads that."""
     if not len(initial) == len(following) == len(context.state):
         return following
-    found = saturated(context.builder, context.state, initial, following, context.horizon)
-    for c, old, new in zip(context.state, following, found, strict=True):
+    nexts = saturated(context.builder, context.state, initial, following, context.horizon)
+    for c, old, new in zip(context.state, following, nexts, strict=True):
         if new is not old:
             names.next[c.name] = Value(new, c.domain, late=True)
-    return found
+    return nexts
 
 
 def check_widths(context: Context, **sections: Sequence[Node]) -> None:
@@ -152,27 +152,27 @@ def single_number(context: Context, section: str, type_: Type, scope: Scope, def
 
 def measures(context: Context, names: Names) -> dict[str, Node]:
     """Return the measures by name, without those that are broken (and reported)."""
-    found: dict[str, Node] = {}
+    values: dict[str, Node] = {}
     for name, expr in context.exprs["measures"].items():
         node = _number(context, expr, f"the measure '{name}'", REAL, names.scope("measures"))
         if node is not None:
-            found[name] = node
-    return found
+            values[name] = node
+    return values
 
 
-def _number(context: Context, expr: s.Expr | None, what: str, type_: Type, scope: Scope) -> Node | None:
+def _number(context: Context, expr: s.Expr | None, what: str, kind: Type, scope: Scope) -> Node | None:
     """Return an expression as a single number; None for a broken one (and reported)."""
     if expr is None:
         return None
     try:
         node = context.checker.numeric(expr, scope)
         if node.type.is_scalar:
-            return context.builder.cast(node, type_.kind)
+            return context.builder.cast(node, kind.kind)
         parts = [(part, context.checker.numeric(part, scope).type) for part in s.alternatives(expr)]
     except Poisoned:
         return None
-    for part, found in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
-        message = f"{what} is a single number, but this has shape {list(found.shape)}"
+    for part, type_ in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
+        message = f"{what} is a single number, but this has shape {list(type_.shape)}"
         hint = "`all(...)`, `any(...)` and `sum(...)` make one value of many"
         context.collector.add("E307", part.place, message, hint)
     return None
@@ -204,14 +204,14 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
         return Observation(components, tuple(value.node for value in present), space, is_state=True)
     scope = names.scope("observation")
     values = {name: context.checker.check(expr, scope) for name, expr in declared.items()}
-    found = {name: value for name, value in values.items() if value is not None}
-    is_sound = len(found) == len(declared)
-    size = sum(v.node.type.size for v in found.values())
+    seen = {name: value for name, value in values.items() if value is not None}
+    is_sound = len(seen) == len(declared)
+    size = sum(v.node.type.size for v in seen.values())
     place = context.merged.key_span(("observation",))
     if not declarations.fits(context, size, place, "`observation:`", least=int(is_sound)):
         return Observation((), ())
     shown = []
-    for name, value in found.items():
+    for name, value in seen.items():
         low = _edge(context, name, "low", value.node.type)
         high = _edge(context, name, "high", value.node.type)
         c = makes.expression(name, value, low, high)
@@ -223,7 +223,7 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
                 is_sound = False
     if is_sound:
         _check_space(context, shown, space)
-    return Observation(tuple(shown), tuple(v.node for v in found.values()), space)
+    return Observation(tuple(shown), tuple(v.node for v in seen.values()), space)
 
 
 def _check_space(context: Context, components: Sequence[Component], space: str) -> None:
@@ -262,7 +262,9 @@ def expert_action(context: Context, names: Names) -> Expert:
     scope = names.scope("expert")
     components = context.action
     if isinstance(value, dict) and not (len(components) == 1 and components[0].name not in value):
-        exprs = context.exprs["expert"] = {name: context.forms.expr(("expert", name)) for name in value}
+        exprs = {}
+        for name in value:
+            exprs[name] = context.forms.expr(("expert", name))
         return by_component(context, ("expert",), exprs, scope, is_whole=True)
     expr = context.exprs["expert"] = context.forms.expr(("expert",))
     match expr:
@@ -352,6 +354,9 @@ def claims(context: Context) -> Iterator[Claim]:
             message = f"{count(episodes)} episodes are too many; the limit is {limits().episodes:,}"
             context.report("E314", ("claims", i, "episodes"), message, how_to_raise("episodes", episodes))
         if expr is not None:
-            rest = {key: value for key, value in entry.items() if key not in ("claim", "for")}
+            rest = {}
+            for key, value in entry.items():
+                if key not in ("claim", "for"):
+                    rest[key] = value
             cases = () if too_many else tuple(parameters.cases(entry.get("for")))
             yield Claim(expr, text, cases, rest)

@@ -84,7 +84,13 @@ class SpaceLayout:
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:
         """Least and largest value of each element of a box that is an action: finite, and ints that 32 bits hold."""
-        most = [FLOAT_MAX if c.type.kind is Kind.REAL else INT_MAX for c in self.components for _ in range(c.type.size)]
+        most = []
+        for c in self.components:
+            for _ in range(c.type.size):
+                if c.type.kind is Kind.REAL:
+                    most.append(FLOAT_MAX)
+                else:
+                    most.append(INT_MAX)
         return tuple((max(a, -m), min(b, m)) for a, b, m in zip(self.low, self.high, most, strict=True))
 
     @property
@@ -113,22 +119,22 @@ class SpaceLayout:
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """The segments of the numbers of the parts, in their order."""
-        found: list[Segment] = []
+        parts: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
             starts: tuple[int, ...] = ()
             if self.form in ("multi_discrete", "one_hot"):
                 starts = tuple(map(int, c.low))
             if self.form == "dict":
-                found.append(Segment(i, 0, i, c.type.size))
+                parts.append(Segment(i, 0, i, c.type.size))
             elif self.form == "one_hot":
                 for k, (start, count) in enumerate(zip(starts, c.counts, strict=True)):
-                    found.append(Segment(0, first, i, count, element=k, values=range(start, start + count)))
+                    parts.append(Segment(0, first, i, count, element=k, values=range(start, start + count)))
                     first += count
             else:
-                found.append(Segment(0, first, i, c.type.size, starts if any(starts) else ()))
+                parts.append(Segment(0, first, i, c.type.size, starts if any(starts) else ()))
                 first += c.type.size
-        return tuple(found)
+        return tuple(parts)
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -154,7 +160,13 @@ def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout
     layout = _layout(action, "auto", several="multi_discrete")
     if layout.form != "box":
         return layout
-    most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in action for _ in range(c.type.size)]
+    most = []
+    for c in action:
+        for _ in range(c.type.size):
+            if c.type.kind is Kind.REAL:
+                most.append(math.inf)
+            else:
+                most.append(INT_SINGLE)
     low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
     high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
     if layout.shape or is_number:
@@ -211,8 +223,7 @@ def _component_space(c: Component) -> gymnasium.Space[Any]:
 
     if c.is_finite and c.type.is_scalar:
         return Discrete(c.counts[0], start=int(c.low[0]))
-    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
-    return _box_space(low, high, c.type.shape)
+    return _box_space(tuple(map(single, c.low)), tuple(map(single, c.high)), c.type.shape)
 
 
 def _box_space(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> gymnasium.Space[Any]:
@@ -277,6 +288,9 @@ def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
     for c, segment in zip(layout.components, layout.segments, strict=True):
         flat = parts[segment.part][segment.first : segment.first + segment.size]
         if segment.starts:
-            flat = [item + start for item, start in zip(flat, segment.starts, strict=True)]
+            digits = flat
+            flat = []
+            for item, start in zip(digits, segment.starts, strict=True):
+                flat.append(item + start)
         flats.append(tuple(flat if c.type.kind is Kind.REAL else map(round, flat)))
     return flats

@@ -320,15 +320,15 @@ class Task(InNotebooks):
     @cached_property
     def constants(self) -> dict[str, Any]:
         """The constants by name, as this instance has them: numbers, and arrays of int64, float64 or bool."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for name, node in self.source.constants.items():
             if node.type.is_scalar:
-                found[name] = plain(node.value)
+                values[name] = plain(node.value)
             else:
                 kind = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}[node.type.kind]
-                found[name] = np.array(list(map(plain, node.flat)), kind).reshape(node.type.shape)
-                found[name].flags.writeable = False
-        return found
+                values[name] = np.array(list(map(plain, node.flat)), kind).reshape(node.type.shape)
+                values[name].flags.writeable = False
+        return values
 
     @property
     def values(self) -> dict[str, Any]:

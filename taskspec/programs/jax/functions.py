@@ -188,11 +188,11 @@ class OpenParameters:
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
         """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with unless given."""
-        found = []
+        arrays = []
         for p in self.varying:
             value = getattr(params, p.name, p.value)
-            found.append(jnp.atleast_1d(jnp.asarray(value, _DTYPES[p.kind])))
-        return tuple(found)
+            arrays.append(jnp.atleast_1d(jnp.asarray(value, _DTYPES[p.kind])))
+        return tuple(arrays)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
         """Return the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""

@@ -192,8 +192,8 @@ def indices(words: AnyArray, n: AnyArray) -> AnyArray:
 
 def categoricals(words: AnyArray, thresholds: AnyArray) -> AnyArray:
     """Return how many of the ascending thresholds (uint32) are at most the word."""
-    found = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
-    return found.astype(jnp.int32).reshape(words.shape)
+    outcomes = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
+    return outcomes.astype(jnp.int32).reshape(words.shape)
 
 
 def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
@@ -241,8 +241,8 @@ def dirichlets(words: AnyArray, alphas: AnyArray) -> AnyArray:
 
 def gammas(words: AnyArray, alphas: AnyArray) -> AnyArray:
     value, shrink, rounded = _gamma_parts(words, alphas)
-    found = rounded(value * rounded(exp(-shrink, rounded)))
-    return jnp.where(found > LEAST, found, 0)
+    values = rounded(value * rounded(exp(-shrink, rounded)))
+    return jnp.where(values > LEAST, values, 0)
 
 
 def _gamma_parts(words: AnyArray, alphas: AnyArray) -> tuple[AnyArray, AnyArray, Rounding]:

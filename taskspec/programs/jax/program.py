@@ -159,8 +159,8 @@ class JaxProgram:
     def mask(self, state: State, given: Sequence[AnyArray] = ()) -> AnyArray:
         """Return the legal actions of lanes, bool (n, N), for a task with `legal`."""
         (c,) = self.task.action
-        (found,) = self._mask(*state.values, *given)
-        return jnp.broadcast_to(found, (*c.counts, *state.time.shape))
+        (legal,) = self._mask(*state.values, *given)
+        return jnp.broadcast_to(legal, (*c.counts, *state.time.shape))
 
     def again(
         self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
@@ -315,8 +315,8 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 def open_names(task: Task) -> dict[str, str]:
     """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
-    found = sorted(name for role, name in reads(task.roots) if role is Role.PARAMETER)
-    return {name: f"p{i}" for i, name in enumerate(found)}
+    names = sorted(name for role, name in reads(task.roots) if role is Role.PARAMETER)
+    return {name: f"p{i}" for i, name in enumerate(names)}
 
 
 class JaxEngine:

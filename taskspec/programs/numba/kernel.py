@@ -137,10 +137,10 @@ class KernelLane(LaneEmitter):
                 ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
                 ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
         places = list(map(str, range(n)))
-        found = []
+        order_of_places = []
         for k in range(n):
-            found.append(self._pick(places, [f"({rank} == {k})" for rank in ranks]))
-        return found
+            order_of_places.append(self._pick(places, [f"({rank} == {k})" for rank in ranks]))
+        return order_of_places
 
     def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
         """Return the value whose condition holds; one of them does."""

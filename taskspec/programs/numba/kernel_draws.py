@@ -241,8 +241,8 @@ def gamma_parts(w: Any, alpha: Any) -> Any:
 @inner
 def gamma(w: Any, alpha: Any) -> Any:
     value, shrink = gamma_parts(w, alpha)
-    found = value * exp32(-shrink)
-    return f64(select(found > f32(LEAST), found, f32(0)))
+    sample = value * exp32(-shrink)
+    return f64(select(sample > f32(LEAST), sample, f32(0)))
 
 
 @inner
@@ -254,5 +254,5 @@ def log_share(value: Any, largest: Any, shrink: Any) -> Any:
 
 @inner
 def share(part: Any, total: Any) -> Any:
-    found = part / total
-    return f64(select(found > f32(LEAST), found, f32(0)))
+    limited = part / total
+    return f64(select(limited > f32(LEAST), limited, f32(0)))

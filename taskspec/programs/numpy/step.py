@@ -158,16 +158,16 @@ def _sinks(
     task: Task, layout: SpaceLayout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
 ) -> dict[int, Sink]:
     n = len(task.state)
-    found: dict[int, Sink] = {}
+    sinks: dict[int, Sink] = {}
     for c, name, root in zip(task.state, states, roots, strict=False):
         held = frozenset(id(r) for r in walk(roots) if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name))
-        found.setdefault(id(root), Sink(name, held))
+        sinks.setdefault(id(root), Sink(name, held))
     if roots[n].type.kind is Kind.REAL:
-        found.setdefault(id(roots[n]), Sink("reward"))
+        sinks.setdefault(id(roots[n]), Sink("reward"))
     seen = roots[len(roots) - len(layout.components)]
     if layout.form == "discrete" and not layout.components[0].low[0] and seen.type.kind is Kind.INT:
-        found.setdefault(id(seen), Sink(outputs[0]))
-    return found
+        sinks.setdefault(id(seen), Sink(outputs[0]))
+    return sinks
 
 
 def _copy(target: str, value: str) -> list[str]:

@@ -281,8 +281,13 @@ def log(x: Any) -> float:
 
 
 def _root(args: Args, node: Any) -> Interval:
-    low, high = (math.sqrt(max(0.0, x)) if x < INF else INF for x in args[0][:2])
-    return low, high
+    return _real_root(args[0].low), _real_root(args[0].high)
+
+
+def _real_root(x: float) -> float:
+    if x < INF:
+        return math.sqrt(max(0.0, x))
+    return INF
 
 
 def _elementary(
@@ -302,12 +307,12 @@ def _elementary(
 
 ELEMENTARY = (
     _elementary("sqrt", _total(math.sqrt), r"\sqrt{{0}}", "Square root.", examples=((2.0,), (9,), (-1.0,)), bounds=_root,
-                finite=lambda args, found: args[0].finite and args[0].low >= 0),
+                finite=lambda args, value: args[0].finite and args[0].low >= 0),
     _elementary("exp", exp, r"e^{{0}}", "Exponential.", examples=((0.5,), (1000.0,)), samples=((800.0,), (-800.0,)),
-                bounds=rules.fixed(0, INF), finite=lambda args, found: args[0].finite and args[0].high < 700,
+                bounds=rules.fixed(0, INF), finite=lambda args, value: args[0].finite and args[0].high < 700,
                 precise=False, brackets=Brackets(Level.POWER, (Level.SCOPE,))),
     _elementary("log", log, r"\log({0})", "Natural logarithm.", examples=((0.5,), (0.0,)), precise=False,
-                finite=lambda args, found: args[0].finite and args[0].low > 0),
+                finite=lambda args, value: args[0].finite and args[0].low > 0),
     _elementary("sin", _total(math.sin), r"\sin({0})", "Sine, in radians.", in_kernels=False, bounds=rules.fixed(-1, 1),
                 precise=False),
     _elementary("cos", _total(math.cos), r"\cos({0})", "Cosine, in radians.", in_kernels=False, bounds=rules.fixed(-1, 1),

@@ -172,7 +172,9 @@ def place(args: Args, node: Apply) -> Interval:
 
 
 def _corners(function: Callable[[float, float], float], args: Args) -> Interval:
-    values = [function(a, b) for a, b in itertools.product(args[0][:2], args[1][:2])]
+    values = []
+    for a, b in itertools.product(args[0][:2], args[1][:2]):
+        values.append(function(a, b))
     return min(values), max(values)
 
 
@@ -238,10 +240,12 @@ def extreme(pick: Callable[[float, float], float]) -> Bounds:
 
     def rule(args: Args, node: Apply) -> Interval:
         a, b = args
-        found = [(pick(a.low, b.low), pick(a.high, b.high))]
+        candidates = [(pick(a.low, b.low), pick(a.high, b.high))]
         if node.type.kind is Kind.REAL:
-            found += [other[:2] for i, other in ((0, b), (1, a)) if not isinstance(node.args[i], Const)]
-        return min(low for low, _ in found), max(high for _, high in found)
+            for i, other in ((0, b), (1, a)):
+                if not isinstance(node.args[i], Const):
+                    candidates.append(other[:2])
+        return min(low for low, _ in candidates), max(high for _, high in candidates)
 
     return rule
 
@@ -268,7 +272,11 @@ def to_int(function: Callable[[float], int]) -> Bounds:
     """Bound a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
 
     def rule(args: Args, node: Apply) -> Interval:
-        low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
+        low, high = args[0][:2]
+        if math.isfinite(low):
+            low = function(low)
+        if math.isfinite(high):
+            high = function(high)
         if args[0].finite:
             return (low, high)
         return (min(low, 0), max(high, 0))
@@ -315,18 +323,18 @@ def power(args: Args, node: Apply) -> Interval:
 # -- when values are finite numbers -------------------------------------------------------------------------------
 
 
-def stays_finite(args: Args, found: Interval) -> bool:
+def stays_finite(args: Args, result: Interval) -> bool:
     return all(a.finite for a in args)
 
 
-def bounded(args: Args, found: Interval) -> bool:
-    return stays_finite(args, found) and all(map(math.isfinite, found))
+def bounded(args: Args, result: Interval) -> bool:
+    return stays_finite(args, result) and all(map(math.isfinite, result))
 
 
-def divided(args: Args, found: Interval) -> bool:
-    return bounded(args, found) and not args[1].holds_zero()
+def divided(args: Args, result: Interval) -> bool:
+    return bounded(args, result) and not args[1].holds_zero()
 
 
-def nowhere(args: Args, found: Interval) -> bool:
+def nowhere(args: Args, result: Interval) -> bool:
     """Return False: nothing is known."""
     return False

@@ -336,18 +336,20 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
         raise Refused(f"`dot` needs rows as long as columns: the shapes {shapes} do not match", "E307")
     rows = [x]
     if len(x.type.shape) == 2:
-        rows = [b.structure("element", [x], (i,)) for i in range(x.type.shape[0])]
+        rows = []
+        for i in range(x.type.shape[0]):
+            rows.append(b.structure("element", [x], (i,)))
     columns = [y]
     if len(y.type.shape) == 2:
         columns = _columns(b, y)
-    found = []
+    products = []
     for row in rows:
         for column in columns:
-            found.append(b.apply("sum", b.apply("mul", row, column)))
+            products.append(b.apply("sum", b.apply("mul", row, column)))
     shape = (*x.type.shape[:-1], *y.type.shape[1:])
     if shape:
-        return b.structure("reshape", [b.structure("vector", found)], shape)
-    return found[0]
+        return b.structure("reshape", [b.structure("vector", products)], shape)
+    return products[0]
 
 
 def _columns(b: NodeMaker, x: Node) -> list[Node]:
@@ -381,7 +383,12 @@ def _reverse(b: NodeMaker, args: list[Node]) -> Node:
 
 
 def _concat(b: NodeMaker, args: list[Node]) -> Node:
-    parts = [b.structure("reshape", [a], (1,)) if a.type.is_scalar else a for a in args]
+    parts = []
+    for a in args:
+        if a.type.is_scalar:
+            parts.append(b.structure("reshape", [a], (1,)))
+        else:
+            parts.append(a)
     if len({a.type.shape[1:] for a in parts if a.type.shape != (0,)}) > 1:
         raise Refused("the parts of `concat` have different row shapes", "E307")
     return b.structure("concat", parts)

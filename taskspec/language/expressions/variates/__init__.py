@@ -50,13 +50,13 @@ class WordLayout:
     @classmethod
     def dealt(cls, draws: Iterable[Draw]) -> WordLayout:
         """Return words for each of the draws, in the order of their sites."""
-        found = tuple(sorted(draws, key=lambda d: d.site))
+        by_site = tuple(sorted(draws, key=lambda d: d.site))
         first = {}
         count = 0
-        for draw in found:
+        for draw in by_site:
             first[draw.site] = count
             count += words_of(draw)
-        return cls(found, first, count)
+        return cls(by_site, first, count)
 
 
 # The value of a draw from its words: one draw at a time on Python numbers, or many by NumPy, to the bit the same.
@@ -94,8 +94,8 @@ def many(draw: Draw) -> Callable[[Sequence[Array], Array], Array]:
 def _many(draw: Draw, args: Sequence[Array], words: Array) -> Array:
     form = VARIATES[draw.base].many
     assert form is not None, draw.base
-    found = np.asarray(form(draws, draw, args, words))
-    return found.astype(DTYPES[draw.type.kind], copy=False).reshape(*draw.type.shape, words.shape[1])
+    values = np.asarray(form(draws, draw, args, words))
+    return values.astype(DTYPES[draw.type.kind], copy=False).reshape(*draw.type.shape, words.shape[1])
 
 
 def _batch_of_one(draw: Draw, args: list[Flat], words: Words) -> Flat:

@@ -51,14 +51,14 @@ def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[N
     p = draw.args[0]
     if not isinstance(p, Const):
         return None
-    found: list[Node] = []
+    limits: list[Node] = []
     for word, q in zip(words, entry.stretched(p.flat, draw.type.size), strict=True):
         limit = bernoulli_threshold(q)
         if limit >= draws.NEVER:
-            found.append(b.scalar(True))
+            limits.append(b.scalar(True))
         else:
-            found.append(b.apply("lt", word, b.scalar(limit - bias)))
-    return found
+            limits.append(b.apply("lt", word, b.scalar(limit - bias)))
+    return limits
 
 
 def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
@@ -104,8 +104,12 @@ def _outcomes(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyAr
     if looked_up is None:
         return x.weighted_categoricals(words, args[0].reshape(-1, 1, args[0].shape[-1]))
     present, which = np.unique(args[0], axis=1, return_inverse=True)
-    found = [_row_limits(looked_up[0], tuple(row)) for row in present.T.tolist()]
-    table, last = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    limits = []
+    for row in present.T.tolist():
+        limits.append(_row_limits(looked_up[0], tuple(row)))
+    tables, last_outcomes = zip(*limits, strict=True)
+    table = np.concatenate(tables)
+    last = np.concatenate(last_outcomes)
     return draws.row_categoricals(words, np.broadcast_to(which.reshape(-1), words.shape[1:]), table, last)
 
 
@@ -128,7 +132,10 @@ def _exact_rows(table: Const) -> dict[tuple[float, ...], tuple[Any, ...]]:
 def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
     p = draw.args[0]
     if isinstance(p, Const) and len(p.flat) <= COMPARED:
-        limits = [b.scalar(t - bias) for t in draws.thresholds(p.flat) if t < draws.NEVER]
+        limits = []
+        for t in draws.thresholds(p.flat):
+            if t < draws.NEVER:
+                limits.append(b.scalar(t - bias))
         return [_reached(b, limits, w) for w in words]
     looked_up = row_table(p)
     if looked_up is None:
@@ -146,13 +153,15 @@ def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
 def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], bias: int) -> list[Node]:
     """Return draws from the row of a table that is chosen at run time: one look-up for every threshold."""
     k = table.type.shape[-1]
-    found = _table_rows(table)
+    rows = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
-        exact = list(map(draws.thresholds, found))
+        exact = list(map(draws.thresholds, rows))
         columns = [_column(b, [t[i] for t in exact], row) for i in range(k - 1)]
         return [_reached(b, columns, w) for w in words]
-    limits, last = draws.threshold_table(found)
-    columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
+    limits, last = draws.threshold_table(rows)
+    columns = []
+    for i in range(k - 1):
+        columns.append(_column(b, [int(v) - bias for v in limits[:, i]], row))
     most = _column(b, last.tolist(), row)
     return [b.apply("min2", _reached(b, columns, w), most) for w in words]
 
@@ -192,11 +201,11 @@ def _index(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat
 
 
 def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
-    found = []
+    outcomes = []
     for counts in entry.each(args[0], draw.type.size):
         k = np.arange(int(counts.max()))[:, None]
-        found.append(numbers.ratio(k < counts, counts))
-    return entry.product(draw, found, np.int64)
+        outcomes.append(numbers.ratio(k < counts, counts))
+    return entry.product(draw, outcomes, np.int64)
 
 
 # -- orders -------------------------------------------------------------------------------------------------------
@@ -204,10 +213,10 @@ def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.Probability
 
 def _permutation(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat:
     n = draw.type.shape[-1]
-    found: list[int] = []
+    order: list[int] = []
     for k in range(0, draw.type.size, n):
-        found += draws.permutation(words[k : k + n])
-    return tuple(found)
+        order += draws.permutation(words[k : k + n])
+    return tuple(order)
 
 
 def _permutations(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
@@ -230,10 +239,10 @@ def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.Proba
 
 def _permutation_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     n = draw.type.shape[-1]
-    found: list[str] = []
+    order: list[str] = []
     for first in range(0, len(words), n):
-        found += k.order(words[first : first + n], False)
-    return found
+        order += k.order(words[first : first + n], False)
+    return order
 
 
 TABLE = (

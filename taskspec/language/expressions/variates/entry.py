@@ -152,18 +152,20 @@ def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> Outcomes:
 
 def both(a: Array, b: Array) -> Array:
     """Products of probabilities: more than 0 where both of them are."""
-    found = once(operator.mul, a, b)
-    lost = once(operator.eq, found, np.zeros_like(found))
+    product = once(operator.mul, a, b)
+    lost = once(operator.eq, product, np.zeros_like(product))
     if not lost.any():
-        return found
-    return np.where(lost & (a > 0) & (b > 0), FAINTEST, found)
+        return product
+    return np.where(lost & (a > 0) & (b > 0), FAINTEST, product)
 
 
 def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
     """Return an operation on two arrays of one shape; of objects, such as fractions, each pair is looked at once."""
     if a.dtype != object or a.shape != b.shape:
         return np.asarray(op(a, b))
-    names = [np.unique(np.fromiter(map(id, x.flat), np.int64, x.size), return_inverse=True)[1] for x in (a, b)]
+    names = []
+    for x in (a, b):
+        names.append(np.unique(np.fromiter(map(id, x.flat), np.int64, x.size), return_inverse=True)[1])
     _, at, back = np.unique(names[0] * (b.size + 1) + names[1], return_index=True, return_inverse=True)
     return np.asarray(op(a.reshape(-1)[at], b.reshape(-1)[at]))[back].reshape(a.shape)
 

@@ -40,10 +40,10 @@ def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str
 
 
 def _largest(k: entry.KernelWriter, atoms: Sequence[str]) -> str:
-    found = atoms[0]
+    largest = atoms[0]
     for atom in atoms[1:]:
-        found = k.assign(f"select({atom} > {found}, {atom}, {found})")
-    return found
+        largest = k.assign(f"select({atom} > {largest}, {atom}, {largest})")
+    return largest
 
 
 # -- Poisson ------------------------------------------------------------------------------------------------------
@@ -79,7 +79,9 @@ def _poissons(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyAr
         grouped = x.xp.moveaxis(words.reshape(draw.type.size, -1, words.shape[-1]), 1, 0)
         return x.poissons(grouped, entry.rows(x, draw, args[0]), bound)
     assert isinstance(rate, Const)
-    tables = [(first, draws.reachable(limits)) for first, limits in map(draws.poisson_table, map(float, rate.flat))]
+    tables = []
+    for first, limits in map(draws.poisson_table, map(float, rate.flat)):
+        tables.append((first, draws.reachable(limits)))
     if len(tables) == 1:
         return tables[0][0] + x.categoricals(words, tables[0][1])
     return x.xp.stack([first + x.categoricals(w, limits) for (first, limits), w in zip(tables, words, strict=True)])
@@ -88,15 +90,19 @@ def _poissons(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyAr
 def _poisson_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     rate = draw.args[0]
     bound = poisson_bound(draw)
-    found = []
+    lines = []
     if bound is not None:
         arguments = f"{bound!r}, {draws.poisson_terms(bound)}"
         for group, each in zip(entry.groups(draw, words), k.argument(draw), strict=True):
-            found.append(f"i32(poisson({group}, {each}, {arguments}))")
-        return found
+            lines.append(f"i32(poisson({group}, {each}, {arguments}))")
+        return lines
     assert isinstance(rate, Const)
-    tables = [draws.poisson_table(float(r)) for r in entry.stretched(rate.flat, len(words))]
-    named = [(first, k.array(np.array(limits, np.int64))) for first, limits in tables]
+    tables = []
+    for r in entry.stretched(rate.flat, len(words)):
+        tables.append(draws.poisson_table(float(r)))
+    named = []
+    for first, limits in tables:
+        named.append((first, k.array(np.array(limits, np.int64))))
     return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
 
 
@@ -171,7 +177,10 @@ def _arrangements(draw: Draw, bounds: entry.Bounds) -> float:
     assert isinstance(alike, Const) and isinstance(places, Const)
     ways = [1] + [0] * places.type.size
     for held in Counter(alike.flat).values():
-        ways = [sum(ways[k - i] * math.comb(k, i) for i in range(min(k, held) + 1)) for k in range(len(ways))]
+        before = ways
+        ways = []
+        for k in range(len(before)):
+            ways.append(sum(before[k - i] * math.comb(k, i) for i in range(min(k, held) + 1)))
     return float(min(ways[-1], 10**300))
 
 
@@ -184,11 +193,11 @@ def _most(draw: Draw) -> int:
 def _capped(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     most = _most(draw)
     terms = poisson_terms(draw.args[-2])
-    found = []
+    capped = []
     for rate in entry.each(numbers.argument(draw, args[0]), draw.type.size):
         row = _poisson_row(rate, terms)
-        found.append(np.concatenate([row[:most], row[most:].sum(axis=0, keepdims=True)]))
-    return entry.product(draw, found, np.int64)
+        capped.append(np.concatenate([row[:most], row[most:].sum(axis=0, keepdims=True)]))
+    return entry.product(draw, capped, np.int64)
 
 
 TABLE = (

@@ -79,9 +79,9 @@ def _problems(document: Document) -> list[Problem]:
     return [*_format(data), *_many(data), *_bases(document), *_roles(data), *fitted(data, model)[1]]
 
 
-def _indented(data: Any, found: list[Problem]) -> Iterator[Problem]:
+def _indented(data: Any, problems: list[Problem]) -> Iterator[Problem]:
     """Yield problems; an unknown key below an empty section is one that is not indented, and then the section is not empty."""
-    unknown = {problem.path[0] for problem in found if problem.code == "E202" and len(problem.path) == 1}
+    unknown = {problem.path[0] for problem in problems if problem.code == "E202" and len(problem.path) == 1}
     owners: dict[Any, str] = {}
     owner = None
     for key in data if unknown else ():
@@ -89,7 +89,7 @@ def _indented(data: Any, found: list[Problem]) -> Iterator[Problem]:
             owner = key if data[key] is None else None
         elif owner is not None:
             owners[key] = owner
-    for problem in found:
+    for problem in problems:
         (first, *rest) = problem.path or ("",)
         if not rest and problem.code == "E202" and first in owners:
             message = f"`{first}` is not indented, and no section"
@@ -102,13 +102,13 @@ def _indented(data: Any, found: list[Problem]) -> Iterator[Problem]:
 
 def remainder(document: Document) -> tuple[Document | None, set[str]]:
     """Return a document without the entries whose shape is wrong, and the words in them; None if the rest means nothing."""
-    found = _problems(document)
-    codes = {problem.code for problem in found}
+    problems = _problems(document)
+    codes = {problem.code for problem in problems}
     is_lost = _other_format(document) is not None or not codes.isdisjoint(("E207", "E211", "E212", "E314"))
     if is_lost or any(map(check_shape, document.others.values())):
         return None, set()
     places = []
-    for problem in found:
+    for problem in problems:
         place = problem.path
         if problem.code != "E202":
             if place[:1] == ("variants",):
@@ -176,20 +176,20 @@ def validated(merged: Merged) -> Spec:
     for section in merged.missing:
         _add_missing(collector, merged, section)
     if merged.strays:
-        found = None
+        spec = None
     else:
-        found = validate(merged, collector, Spec)
+        spec = validate(merged, collector, Spec)
     collector.raise_if_errors()
-    assert found is not None
-    return found
+    assert spec is not None
+    return spec
 
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
     """Return data as a model; None where something is wrong, which goes to the collector."""
-    found, problems = fitted(located.data, model)
+    value, problems = fitted(located.data, model)
     for problem in problems:
         add_problem(collector, located, problem)
-    return found
+    return value
 
 
 def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
@@ -197,10 +197,10 @@ def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
     try:
         return model.model_validate(data), []
     except ValidationError as error:
-        found: list[Problem] = []
+        problems: list[Problem] = []
         for details in error.errors(include_url=False):
-            found += problems_of(dict(details), model)
-    return None, list(dict.fromkeys(found))
+            problems += problems_of(dict(details), model)
+    return None, list(dict.fromkeys(problems))
 
 
 def add_problem(collector: Collector, located: Located, problem: Problem) -> None:
@@ -308,7 +308,10 @@ def _bases(document: Document) -> Iterator[Problem]:
         there = {} if other is None or not isinstance(other.data, dict) else other.data.get("variants")
         if other is not None and isinstance(base, str) and base not in (there or {}):
             yield _unknown_variant(base, list(there or {})).below(*path, "base")
-    bases = {k: str(v["base"]) for k, v in entries.items() if EXTENDS not in v and isinstance(v.get("base"), str)}
+    bases = {}
+    for k, v in entries.items():
+        if EXTENDS not in v and isinstance(v.get("base"), str):
+            bases[k] = str(v["base"])
     for key, base in bases.items():
         path = ("variants", key, "base")
         if base not in entries:
@@ -347,7 +350,10 @@ def _strays(merged: Merged) -> Iterator[Problem]:
             message = f"the base of this variant does not claim `{name}`"
             yield Problem("E219", path, message, suggest(name, stated) or "a claim is dropped as it is written there")
             continue
-        known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
+        known = []
+        for key in merged.data.get(section) or {}:
+            if (section, key) not in merged.strays:
+                known.append(key)
         if known:
             listed = f"its entries are {', '.join(known)}"
         else:

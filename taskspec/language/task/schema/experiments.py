@@ -272,23 +272,23 @@ def check_document(document: Document, model: type[Described]) -> tuple[Describe
         message = f"{OTHER_FORMATS[key][0]} is a mapping of sections, not {values.kind(document.data)}"
         collector.add("E201", document.span(()), message, f"start it with `{key}: {FORMAT}`")
         return None, collector.diagnostics
-    found, problems = fitted(document.data, model)
+    value, problems = fitted(document.data, model)
     for problem in problems:
         add_problem(collector, document, problem)
-    if found is None:
+    if value is None:
         rest, _ = without(document.data, [problem.path for problem in problems])
-        found, _ = fitted(rest, model)
+        value, _ = fitted(rest, model)
     version = document.data.get(key)
     if isinstance(version, int) and version != FORMAT:
         message = f"format {version} is not known here"
         hint = Advice(f"write `{key}: {FORMAT}`", str(version), str(FORMAT))
         add_problem(collector, document, Problem("E207", (key,), message, hint))
-        found = None
-    return found, collector.diagnostics
+        value = None
+    return value, collector.diagnostics
 
 
 def document_schema(model: type[BaseModel]) -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of experiments, exams or findings."""
-    found = TypeAdapter(model).json_schema(by_alias=True)
+    schema = TypeAdapter(model).json_schema(by_alias=True)
     title = f"taskspec {next(iter(model.model_fields))}"
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": title}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}

@@ -52,19 +52,21 @@ def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
     if model.__name__ not in root["$defs"]:
         root = {"$defs": {}, **TypeAdapter(model).json_schema(by_alias=True)}
         root["$defs"][model.__name__] = root
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     for schema in schemas_at(root, model.__name__, path):
-        found |= schema.get("properties", {})
-    return tuple(found)
+        keys |= schema.get("properties", {})
+    return tuple(keys)
 
 
 def schemas_at(root: dict[str, Any], title: str, path: Path) -> list[dict[str, Any]]:
     """Return what a JSON Schema says of the value at a path below one of its definitions, each form that it may have once."""
-    found = list(forms_of(root, root["$defs"][title]))
+    forms = list(forms_of(root, root["$defs"][title]))
     for step in path:
-        below = [_below(schema, step) for schema in found]
-        found = [form for each in below for form in forms_of(root, each)]
-    return list({id(each): each for each in found}.values())
+        below = [_below(schema, step) for schema in forms]
+        forms = []
+        for each in below:
+            forms += forms_of(root, each)
+    return list({id(each): each for each in forms}.values())
 
 
 def _below(schema: dict[str, Any], step: str | int) -> Any:

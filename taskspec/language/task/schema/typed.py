@@ -184,15 +184,17 @@ class ParameterEntry(Typed):
 
     @model_validator(mode="after")
     def _check(self) -> ParameterEntry:
-        found = list(_typed_problems(self, self.type))
+        problems = list(_typed_problems(self, self.type))
         wanted = {"int": int | str, "real": int | float | str, "bool": bool, "choice": str}[self.type]
         if not isinstance(self.default, wanted) or (isinstance(self.default, bool) and self.type != "bool"):
             if self.type == "bool":
                 hint = "write `true` or `false`, without quotes"
             else:
                 hint = None
-            found.append(Problem("E213", ("default",), f"{values.kind(self.default)} is not of type {self.type}", hint))
-        fail(found)
+            problems.append(
+                Problem("E213", ("default",), f"{values.kind(self.default)} is not of type {self.type}", hint)
+            )
+        fail(problems)
         return self
 
 
@@ -207,11 +209,11 @@ class ComponentEntry(Typed):
 
     @model_validator(mode="after")
     def _check(self) -> ComponentEntry:
-        found = list(_typed_problems(self, self.type))
+        problems = list(_typed_problems(self, self.type))
         if self.symbols is not None and self.values is not None and len(self.symbols) != len(self.values):
             message = f"{len(self.symbols)} symbols for {len(self.values)} labels"
-            found.append(Problem("E214", ("symbols",), message))
-        fail(found)
+            problems.append(Problem("E214", ("symbols",), message))
+        fail(problems)
         return self
 
 
