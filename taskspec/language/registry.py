@@ -90,7 +90,10 @@ def entries(folder: Path) -> Iterator[Entry]:
 
 def files_in(folder: Path) -> list[tuple[Path, Kind]]:
     """Return the YAML files of a folder, sorted by name, and what each of them holds."""
-    return [(path, kind_of_text(text)) for path, text in _texts(folder)]
+    files = []
+    for path, text in _texts(folder):
+        files.append((path, kind_of_text(text)))
+    return files
 
 
 def _texts(folder: Path) -> Iterator[tuple[Path, str]]:
@@ -151,7 +154,11 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
     key = task.roles.get(who)
     if key is None or key == task.source.variant:
         return task
-    return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
+    values = {}
+    for p in task.parameters:
+        if p.value != p.default:
+            values[p.name] = p.value
+    return load(task, key, **values)
 
 
 def listed(modifiers: Any) -> tuple[Written, ...]:

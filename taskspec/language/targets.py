@@ -63,7 +63,10 @@ def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifi
     if Path(target).is_dir():
         hint = "`taskspec list FOLDER` shows what is in it"
         raise spec_error("E711", f"'{target}' is a folder; this command takes one task", hint)
-    return [registry.load(target, variant, modifiers=modifiers, **values) for values in settings(parameters)]
+    tasks = []
+    for values in settings(parameters):
+        tasks.append(registry.load(target, variant, modifiers=modifiers, **values))
+    return tasks
 
 
 def task_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> Task:
@@ -137,7 +140,10 @@ def _files(target: str) -> list[File]:
         return _of_folder(path)
     asked = registry.instance(target)
     if asked.parameters or asked.modifiers:
-        return [file.at(asked.parameters, asked.modifiers) for file in _files(asked.name)]
+        files = []
+        for file in _files(asked.name):
+            files.append(file.at(asked.parameters, asked.modifiers))
+        return files
     if registry.is_path(target) or ("/" in target and path.exists()):
         if kind_of(target) in (None, "taskspec"):
             return [File(path, registry.suite_of(path))]

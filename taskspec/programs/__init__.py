@@ -18,11 +18,23 @@ _ASSIGNED = re.compile(r"(v\d+) = ")
 
 def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
     """Return the variables that hold components."""
-    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+    names = []
+    for i, c in enumerate(components):
+        if c.name.isascii():
+            names.append(f"{prefix}_{c.name}")
+        else:
+            names.append(f"{prefix}_{i}")
+    return names
 
 
 def indent(lines: Iterable[str], by: int = 1) -> list[str]:
-    return [f"{'    ' * by}{line}" if line else "" for line in lines]
+    indented = []
+    for line in lines:
+        if line:
+            indented.append(f"{'    ' * by}{line}")
+        else:
+            indented.append("")
+    return indented
 
 
 def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:

@@ -257,7 +257,10 @@ class ReferenceLanes:
         self._lanes = [ReferenceProgram(task, SEED + i) for i in range(LANES)]
 
     def reset(self) -> list[Seen]:
-        return [self._begin(lane) | self._present(lane) for lane in self._lanes]
+        first = []
+        for lane in self._lanes:
+            first.append(self._begin(lane) | self._present(lane))
+        return first
 
     def step(self, actions: Array) -> list[Seen]:
         results = []
@@ -284,7 +287,10 @@ class ReferenceLanes:
         return seen
 
     def _info(self, state: Sequence[Flat]) -> Array:
-        numbers = [plain(number) for flat in state for number in flat]
+        numbers = []
+        for flat in state:
+            for number in flat:
+                numbers.append(plain(number))
         if are_finite(self._task.state):
             return np.array(numbers, np.int64)
         with np.errstate(over="ignore"):
@@ -300,7 +306,10 @@ class ScalarLanes:
         self._lanes = [self._program.start(SEED + i, Clock(), _refused, _ended) for i in range(LANES)]
 
     def reset(self) -> list[Seen]:
-        return [self._begin(i) | self._present(i) for i in range(LANES)]
+        first = []
+        for i in range(LANES):
+            first.append(self._begin(i) | self._present(i))
+        return first
 
     def step(self, actions: Array) -> list[Seen]:
         results = []
@@ -356,8 +365,11 @@ class VectorLanes:
 
     def reset(self) -> list[Seen]:
         self._engine.reset()
-        first = self._engine.buffers.seen.view()
-        return [{FIRST: part_at(first, i)} | self._present(i) for i in range(LANES)]
+        observations = self._engine.buffers.seen.view()
+        first = []
+        for i in range(LANES):
+            first.append({FIRST: part_at(observations, i)} | self._present(i))
+        return first
 
     def step(self, actions: Array) -> list[Seen]:
         self._engine.step(actions)
@@ -366,7 +378,9 @@ class VectorLanes:
         final = b.final.view()
         results = []
         for i in range(LANES):
-            measures = {name: b.measures[k][i] for k, name in enumerate(self._task.process.measures)}
+            measures = {}
+            for k, name in enumerate(self._task.process.measures):
+                measures[name] = b.measures[k][i]
             shown = final if b.ended[i] else seen
             step = _step(part_at(shown, i), b.reward[i], b.terminated[i], b.truncated[i], measures)
             if b.ended[i]:

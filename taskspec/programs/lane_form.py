@@ -293,8 +293,16 @@ class LaneEmitter:
 
 def _vector(lane: LaneEmitter, node: Apply) -> LaneValue:
     if node.type.size <= lane.unrolled:
-        return LaneValue([atom for arg in node.args for atom in lane.atoms(arg)])
-    parts = [f"*{lane.packed(a)}" if a.type.size > lane.unrolled else ", ".join(lane.atoms(a)) for a in node.args]
+        atoms = []
+        for arg in node.args:
+            atoms += lane.atoms(arg)
+        return LaneValue(atoms)
+    parts = []
+    for a in node.args:
+        if a.type.size > lane.unrolled:
+            parts.append(f"*{lane.packed(a)}")
+        else:
+            parts.append(", ".join(lane.atoms(a)))
     return LaneValue(packed=lane.assign(tuple_of(parts)))
 
 
@@ -302,7 +310,10 @@ def _slice(lane: LaneEmitter, node: Apply) -> LaneValue:
     start, count, step = node.static
     row = strided(node.args[0].type.shape)
     value = lane.values[id(node.args[0])]
-    places = [(start + k * step) * row + i for k in range(count) for i in range(row)]
+    places = []
+    for k in range(count):
+        for i in range(row):
+            places.append((start + k * step) * row + i)
     if value.atoms is not None:
         return LaneValue([value.atoms[p] for p in places])
     if row != 1 and step != 1:
@@ -337,11 +348,16 @@ def _fill(lane: LaneEmitter, node: Apply) -> LaneValue:
 def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
     x, i = node.args
     row = strided(x.type.shape)
-    picked = [_row(lane, x, index, row) for index in lane.atoms(i)]
+    picked = []
+    for index in lane.atoms(i):
+        picked.append(_row(lane, x, index, row))
     if len(picked) == 1:
         return picked[0]
     if all(p.atoms is not None for p in picked):
-        return LaneValue([a for p in picked for a in p.atoms or ()])
+        atoms = []
+        for p in picked:
+            atoms += p.atoms or ()
+        return LaneValue(atoms)
     return LaneValue(packed=lane.assign(f"({', '.join(f'*{p.packed}' for p in picked)})"))
 
 

@@ -39,7 +39,11 @@ def _maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[N
     for node in walk(roots):
         if not inside[id(node)]:
             referred += children(node)
-    return list({id(n): n for n in referred if inside[id(n)] and wanted(n)}.values())
+    chosen = {}
+    for n in referred:
+        if inside[id(n)] and wanted(n):
+            chosen[id(n)] = n
+    return list(chosen.values())
 
 
 def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
@@ -109,15 +113,26 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
     """
     frozen = frozen_components(task)
     n = len(task.state)
-    moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
+    moving = []
+    for r, c in zip(roots[:n], task.state, strict=True):
+        if c.name not in frozen:
+            moving.append(r)
     read = reads([*moving, *roots[n:]])
-    return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
+    cold = set()
+    for c in task.state:
+        if c.name in frozen and c.type.size > WIDE and c.read not in read:
+            cold.add(c.name)
+    return frozenset(cold)
 
 
 def frozen_components(task: Task) -> frozenset[str]:
     """Return names of the state components that no step changes."""
     pairs = zip(task.state, task.process.next, strict=True)
-    return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
+    frozen = set()
+    for c, n in pairs:
+        if isinstance(n, Read) and (n.role, n.name) == c.read:
+            frozen.add(c.name)
+    return frozenset(frozen)
 
 
 @dataclass(frozen=True)
@@ -138,7 +153,11 @@ class Hoisted:
     def word_numbers(self) -> dict[str, int]:
         """The number within the phase of every word that is read by name."""
         first = self.layout.first
-        return {name: first[site] + k for site, names in self.words.items() for k, name in enumerate(names)}
+        numbers = {}
+        for site, names in self.words.items():
+            for k, name in enumerate(names):
+                numbers[name] = first[site] + k
+        return numbers
 
 
 def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
@@ -150,7 +169,10 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
     for node, name in zip(values, names, strict=True):
         variables[id(node)] = b.read(Role.VARIABLE, name, node.type, *b.certain(node))
     rest = rewrite(roots, variables, b.remake)
-    left = {d.site: word_names(d) for d in walk(rest) if isinstance(d, Draw)}
+    left = {}
+    for d in walk(rest):
+        if isinstance(d, Draw):
+            left[d.site] = word_names(d)
     return Hoisted(compared(b, rest), tuple(values), names, left, layout)
 
 
@@ -165,7 +187,9 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
         before = rewritten
         comparisons: dict[int, Node] = {}
         for draw in draws(before):
-            words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
+            words = []
+            for n in word_names(draw):
+                words.append(b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias))
             elements = VARIATES[draw.base].compared(b, draw, words, bias)
             if elements is not None and draw.type.is_scalar:
                 comparisons[id(draw)] = elements[0]

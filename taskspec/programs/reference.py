@@ -47,8 +47,11 @@ class ReferenceProgram:
     def step(self, action: Sequence[Flat]) -> tuple[list[Flat], float, bool, bool]:
         """Return observation, reward, terminated, truncated of a step."""
         task = self.task
-        reads = {c.read: value for c, value in zip(task.state, self.state, strict=True)}
-        reads |= {(Role.ACTION, c.name): value for c, value in zip(task.action, action, strict=True)}
+        reads = {}
+        for c, value in zip(task.state, self.state, strict=True):
+            reads[c.read] = value
+        for c, value in zip(task.action, action, strict=True):
+            reads[(Role.ACTION, c.name)] = value
         reads[TIME] = (self.time,)
         layout = task.step_words
         words = draws.words(self.seed, draws.STEP, self.steps, layout.count)

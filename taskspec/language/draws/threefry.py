@@ -217,7 +217,10 @@ def _uint32(values: ArrayLike) -> Words:
 
 def _schedule(k0: Words, k1: Words) -> Schedule:
     keys = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
-    return [(keys[i % 3], np.add(keys[(i + 1) % 3], _CONSTANTS[i])) for i in range(6)]
+    schedule = []
+    for i in range(6):
+        schedule.append((keys[i % 3], np.add(keys[(i + 1) % 3], _CONSTANTS[i])))
+    return schedule
 
 
 def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> None:

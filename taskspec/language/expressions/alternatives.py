@@ -108,7 +108,10 @@ def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) ->
 def alternative_values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
     """Return the values of alternatives."""
     domains = wanted(exprs, scope, want)
-    return checker.each(checker.value, [(e, scope, domain) for e, domain in zip(exprs, domains, strict=True)])
+    jobs = []
+    for e, domain in zip(exprs, domains, strict=True):
+        jobs.append((e, scope, domain))
+    return checker.each(checker.value, jobs)
 
 
 def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Domain | None]:
@@ -216,7 +219,9 @@ def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | N
     exprs = [value for value, _ in expr.pairs]
     weights = [weight for _, weight in expr.pairs]
     values = alternative_values(checker, exprs, scope, want)
-    p = [b.cast(node, Kind.REAL) for node in checker.numerics(weights, scope)]
+    p = []
+    for node in checker.numerics(weights, scope):
+        p.append(b.cast(node, Kind.REAL))
     for node, weight in zip(p, weights, strict=True):
         if not node.type.is_scalar:
             checker.fail("E307", weight, "a probability is a single number")
@@ -268,7 +273,10 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
     leaves = _leaves(checker, expr.rows, columns, scope)
     cells_of = [cell for _, cell in leaves]
     domains = wanted(cells_of, scope, want)
-    cells = checker.each(_outcomes, [(checker, e, scope, w) for e, w in zip(cells_of, domains, strict=True)])
+    jobs = []
+    for e, w in zip(cells_of, domains, strict=True):
+        jobs.append((checker, e, scope, w))
+    cells = checker.each(_outcomes, jobs)
     values, exprs, _ = zip(*itertools.chain(*cells), strict=True)
     nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
@@ -465,8 +473,13 @@ class _Table:
             checker.fail("E410", expr, message)
 
     def _cells(self, checker: BaseChecker, expr: s.Table) -> list[int]:
-        rows = {self.keys[n]: n for n in reversed(self.order)}
-        masks = dict.fromkeys(tuple(k is None for k in self.keys[n]) for n in self.order)
+        rows = {}
+        for n in reversed(self.order):
+            rows[self.keys[n]] = n
+        masks = []
+        for n in self.order:
+            masks.append(tuple(k is None for k in self.keys[n]))
+        masks = dict.fromkeys(masks)
         grid = []
         for values in itertools.product(*(c.values or () for c in self.columns)):
             cell = _matching(rows, masks, values)
@@ -540,7 +553,10 @@ def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
     if not columns or not keys:
         return bool(keys)
     values = columns[0].values
-    named: set[_Key] = {k[0] for k in keys if k[0] is not None and (values is None or k[0] in values)}
+    named: set[_Key] = set()
+    for k in keys:
+        if k[0] is not None and (values is None or k[0] in values):
+            named.add(k[0])
     if values is None or len(named) < len(values):
         named.add(None)  # stands for the values without a row of their own
     for value in named:
@@ -558,7 +574,13 @@ def _matching(
 ) -> int | None:
     """Return the row for values of the columns, under the first mask of columns that it may span; None where there is none."""
     for mask in masks:
-        key = tuple(None if spans else v for spans, v in zip(mask, values, strict=True))
+        key = []
+        for spans, v in zip(mask, values, strict=True):
+            if spans:
+                key.append(None)
+            else:
+                key.append(v)
+        key = tuple(key)
         if key in rows:
             return rows[key]
     return None

@@ -34,7 +34,9 @@ def network(n: int) -> list[tuple[int, int]]:
         r = 0
         d = p
         while d > 0:
-            pairs += [(i, i + d) for i in range(n - d) if i & p == r]
+            for i in range(n - d):
+                if i & p == r:
+                    pairs.append((i, i + d))
             d = q - p
             q = q >> 1
             r = p

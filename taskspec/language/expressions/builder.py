@@ -349,7 +349,13 @@ class Builder:
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
         """Remake a node where values replace what is only known at run time: fractions beside these stay floats, as in a step."""
         if isinstance(node, Apply) and not are_constant(node.args):
-            args = tuple(self.held(a) if isinstance(a, Const) else a for a in args)
+            held = []
+            for a in args:
+                if isinstance(a, Const):
+                    held.append(self.held(a))
+                else:
+                    held.append(a)
+            args = tuple(held)
         return self.remake(node, args)
 
     # -- how ------------------------------------------------------------------------------------------------------

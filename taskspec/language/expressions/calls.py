@@ -75,12 +75,20 @@ def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
 
 
 def _definitions(scope: Scope) -> list[str]:
-    return [n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)]
+    definitions = []
+    for n in scope.names():
+        if isinstance(scope.lookup(n), FunctionDef):
+            definitions.append(n)
+    return definitions
 
 
 def _give_up(checker: BaseChecker, expr: s.Call, scope: Scope) -> NoReturn:
     """Give up on a call after looking for mistakes in its arguments too."""
-    checker.numerics([e for e in expr.args if not isinstance(e, s.Weights | s.SetOf | s.Comprehension)], scope)
+    plain = []
+    for e in expr.args:
+        if not isinstance(e, s.Weights | s.SetOf | s.Comprehension):
+            plain.append(e)
+    checker.numerics(plain, scope)
     raise Poisoned
 
 
@@ -235,7 +243,10 @@ def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scop
 
 
 def _joint_shape(checker: BaseChecker, nodes: Iterable[Node], asked: Shape | None, expr: s.Expr) -> Shape:
-    shapes = {node.type.shape for node in nodes if not node.type.is_scalar}
+    shapes = set()
+    for node in nodes:
+        if not node.type.is_scalar:
+            shapes.add(node.type.shape)
     if asked is not None:
         shapes.add(asked)
     if len(shapes) > 1:
@@ -343,7 +354,10 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
     """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
     b = checker.builder
     axes = node.type.shape[: len(expr.indices)]
-    places = checker.each(_places, [(checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)])
+    jobs = []
+    for i, n in zip(expr.indices, axes, strict=True):
+        jobs.append((checker, i, n, scope))
+    places = checker.each(_places, jobs)
     if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
         hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
         checker.fail("E307", expr, "each of several indices must be an int or a slice", hint)

@@ -121,7 +121,11 @@ class Dist:
     @property
     def squared(self) -> tuple[str, ...]:
         """The arguments that stand squared in mathematics."""
-        return tuple(a.name for a in self.arguments if f"{{{a.name}}}^2" in self.latex)
+        squared = []
+        for a in self.arguments:
+            if f"{{{a.name}}}^2" in self.latex:
+                squared.append(a.name)
+        return tuple(squared)
 
 
 def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -260,7 +264,10 @@ def _counts(b: Builder, n: int, p: Node) -> Node:
     ways = [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
         q = Fraction(p.value)
-        return _row(b, [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)], True)
+        row = []
+        for k, c in enumerate(ways):
+            row.append(c * q**k * (1 - q) ** (n - k))
+        return _row(b, row, True)
     heads = b.apply("pow", p, b.const(list(range(n + 1)), type_))
     tails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(n, -1, -1)), type_))
     return b.apply("mul", b.const(ways, type_), b.apply("mul", heads, tails))
@@ -289,7 +296,10 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
         return [node]
     size = math.prod(shape)
     flat = b.structure("reshape", [b.stretch(node, shape)], (size,))
-    return [b.structure("element", [flat], (i,)) for i in range(size)]
+    elements = []
+    for i in range(size):
+        elements.append(b.structure("element", [flat], (i,)))
+    return elements
 
 
 _P = Argument("p", low=0, high=1)

@@ -116,7 +116,11 @@ def draw_sites(roots: Iterable[Expression]) -> set[int]:
 
 
 def reads(roots: Iterable[Expression]) -> frozenset[tuple[Role, str]]:
-    return frozenset((n.role, n.name) for n in walk(roots) if isinstance(n, Read))
+    names = set()
+    for n in walk(roots):
+        if isinstance(n, Read):
+            names.add((n.role, n.name))
+    return frozenset(names)
 
 
 def are_constant(nodes: Iterable[Node]) -> bool:

@@ -395,7 +395,10 @@ class _Reader:
                     word = "or"
                 return s.Logical(word, self.exprs(values), place)
             case ast.Compare(left=left, ops=ops, comparators=others) if all(type(o) in _COMPARE for o in ops):
-                rest = tuple((_COMPARE[type(o)], self.expr(x)) for o, x in zip(ops, others, strict=True))
+                rest = []
+                for o, x in zip(ops, others, strict=True):
+                    rest.append((_COMPARE[type(o)], self.expr(x)))
+                rest = tuple(rest)
                 return s.Compare(self.expr(left), rest, place)
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 return s.IfElse(self.expr(test), self.expr(body), self.expr(orelse), place)

@@ -146,7 +146,10 @@ def _bind(checker: BaseChecker, clause: s.Clause, row: Array, domain: Domain | N
         return {clause.targets[0]: Value(whole, domain)}
     if whole.type.shape[:1] != (len(clause.targets),):
         checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
-    return {name: Value(b.structure("element", [whole], (i,))) for i, name in enumerate(clause.targets)}
+    bindings = {}
+    for i, name in enumerate(clause.targets):
+        bindings[name] = Value(b.structure("element", [whole], (i,)))
+    return bindings
 
 
 # -- enumeration --------------------------------------------------------------------------------------------------
@@ -168,7 +171,9 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
         if len(clause.targets) > 1:
             if repeated.ndim < 2 or repeated.shape[1] != len(clause.targets):
                 checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
-            parts = [(name, repeated[:, i]) for i, name in enumerate(clause.targets)]
+            parts = []
+            for i, name in enumerate(clause.targets):
+                parts.append((name, repeated[:, i]))
         for name, column in parts:
             ends = (0.0, 0.0)
             if column.size:
@@ -298,7 +303,9 @@ def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     sides = [_Side(checker, expr.first, scope)]
     for _, side in expr.rest:
         sides.append(_Side(checker, side, scope))
-    links = [(op, sides[i], sides[i + 1]) for i, (op, _) in enumerate(expr.rest)]
+    links = []
+    for i, (op, _) in enumerate(expr.rest):
+        links.append((op, sides[i], sides[i + 1]))
     return reduce(partial(checker.builder.apply, "and"), checker.each(_link, links))
 
 
@@ -406,7 +413,10 @@ def _member(left: _Side, right: _Side) -> Node:
     if not sides or not all(_of_choices(left, side) for side in sides):
         return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)
     same = checker.each(_link, [("==", left, side) for side in sides])
-    return reduce(partial(checker.builder.apply, "or"), [checker.builder.apply("all", node) for node in same])
+    conditions = []
+    for node in same:
+        conditions.append(checker.builder.apply("all", node))
+    return reduce(partial(checker.builder.apply, "or"), conditions)
 
 
 def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
@@ -423,7 +433,10 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
     domains = []
     for part in parts:
         domains.append(alternatives.domain_of(part.expr, scope))
-    wants = {item.id: domain for item, domain in zip(items, domains, strict=True) if isinstance(item, s.Name)}
+    wants = {}
+    for item, domain in zip(items, domains, strict=True):
+        if isinstance(item, s.Name):
+            wants[item.id] = domain
 
     def same(inner: Scope) -> Node:
         for item, domain in zip(items, domains, strict=True):

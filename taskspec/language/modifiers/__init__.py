@@ -168,7 +168,9 @@ def keeps_observers(task: Task, *modifiers: Written) -> bool:
 
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """Return the finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
-    entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
+    entries = []
+    for m in task.modifiers:
+        entries.append((m, MODIFIERS[m.name]))
     ways = []
     for m, entry in entries:
         ways.append((m, entry.abstraction(arguments(entry, m))))

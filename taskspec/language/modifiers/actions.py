@@ -46,7 +46,9 @@ def _random(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
         slipped = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
         values = {c.name: _any(b, c) for c in task.action}
-    executed = {c.name: b.apply("where", slipped, values[c.name], core.present(b, c, Role.ACTION)) for c in task.action}
+    executed = {}
+    for c in task.action:
+        executed[c.name] = b.apply("where", slipped, values[c.name], core.present(b, c, Role.ACTION))
     return core.drawing(core.acting(b, task, executed), drawn)
 
 
@@ -143,7 +145,10 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
 
     def held(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
         reads = (core.present(b, c) for c in task.state)
-        return tuple(b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
+        stretched = []
+        for read, node in zip(reads, nodes, strict=True):
+            stretched.append(b.apply("where", over, read, node))
+        return tuple(stretched)
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
     changed = task.with_process(
@@ -184,10 +189,17 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
     following = tuple(saturated(b, task.state, task.process.initial, task.process.next, steps))
     reached = reach(task.state, task.process.initial, following, steps)
     seen = Observed(b, task.state, reached)
-    endless = {c.name for c in task.state if not all(map(math.isfinite, (*c.low, *c.high)))}
+    endless = set()
+    for c in task.state:
+        if not all(map(math.isfinite, (*c.low, *c.high))):
+            endless.add(c.name)
     components = []
     for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
-        if endless & {name for role, name in reads([node]) if role is Role.STATE}:
+        names = set()
+        for role, name in reads([node]):
+            if role is Role.STATE:
+                names.add(name)
+        if endless & names:
             edges = seen.edges(node)
             low = tuple(min(v, edge[0]) for v, edge in zip(c.low, edges, strict=True))
             c = replace(c, low=low, high=tuple(max(v, edge[1]) for v, edge in zip(c.high, edges, strict=True)))

@@ -208,7 +208,10 @@ def informative(task: Task) -> Observation:
             if draw_sites([node]) & known:
                 known |= draw_sites([node])
     shown = zip(task.observation.components, task.observation.nodes, strict=True)
-    kept = [(c, node) for c, node in shown if not draws([node]) or draw_sites([node]) & known]
+    kept = []
+    for c, node in shown:
+        if not draws([node]) or draw_sites([node]) & known:
+            kept.append((c, node))
     return replace(task.observation, components=tuple(c for c, _ in kept), nodes=tuple(node for _, node in kept))
 
 
@@ -325,7 +328,9 @@ def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row
         digits = []
         for low, count in zip(c.low, c.counts, strict=True):
             rest //= count
-            values = [int(low) + code // rest % count for code in table]
+            values = []
+            for code in table:
+                values.append(int(low) + code // rest % count)
             digit = looked_up(b, values, row)
             digits.append(b.apply("lt", b.scalar(0), digit) if c.type.kind is Kind.BOOL else digit)
         parts.append(shaped(b, digits, c.type))
@@ -343,7 +348,10 @@ def elements(b: Builder, node: Node) -> list[Node]:
     if node.type.is_scalar:
         return [node]
     flat = b.structure("reshape", [node], (node.type.size,))
-    return [b.structure("element", [flat], (i,)) for i in range(node.type.size)]
+    elements = []
+    for i in range(node.type.size):
+        elements.append(b.structure("element", [flat], (i,)))
+    return elements
 
 
 def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:

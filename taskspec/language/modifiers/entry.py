@@ -172,4 +172,10 @@ class ModifierEntry:
 
     def sample(self, task: Task) -> dict[str, Any]:
         """Return arguments that suit a task, for examples and tests."""
-        return {a.name: a.default if a.sample is None else a.sample(task) for a in self.arguments}
+        arguments = {}
+        for a in self.arguments:
+            if a.sample is None:
+                arguments[a.name] = a.default
+            else:
+                arguments[a.name] = a.sample(task)
+        return arguments

@@ -80,7 +80,9 @@ def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
         p = b.scalar(given["probability"])
-        gone = [DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape) for n in seen.nodes]
+        gone = []
+        for n in seen.nodes:
+            gone.append(DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape))
     nodes = []
     for lost, n in zip(gone, seen.nodes, strict=True):
         nothing = b.stretch(b.const(0, Type(n.type.kind)), n.type.shape)

@@ -43,7 +43,9 @@ def _declared(task: Task, name: str) -> Symmetry:
 
 def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     """Return the task with another observation; what other modifiers add to the observation stays."""
-    now = {c.name: (c, node) for c, node in zip(task.observation.components, task.observation.nodes, strict=True)}
+    now = {}
+    for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
+        now[c.name] = (c, node)
     for c in symmetry.seen:
         if c.name not in now or now[c.name][0].type != c.type:
             hint = "give the symmetry before modifiers of what is observed"
@@ -134,7 +136,9 @@ def _undone(b: Builder, part: MapPart) -> list[Node]:
 
 
 def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Node], moves: Moves) -> list[Node]:
-    flat = [element for node in given for element in core.elements(b, node)]
+    flat = []
+    for node in given:
+        flat += core.elements(b, node)
     own: dict[int, Node] = {}
     for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
         if shift:

@@ -359,11 +359,18 @@ def _over(w: Writer, expr: s.Comprehension) -> m.Math:
 
 def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
     sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
-    return [m.Row((_target(w, c), m.Sym("∈"), domain)) for c, domain in zip(expr.clauses, sets, strict=True)]
+    rows = []
+    for c, domain in zip(expr.clauses, sets, strict=True):
+        rows.append(m.Row((_target(w, c), m.Sym("∈"), domain)))
+    return rows
 
 
 def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
-    return [under(w, expr).truth(x).tree for c in expr.clauses for x in c.conditions]
+    conditions = []
+    for c in expr.clauses:
+        for x in c.conditions:
+            conditions.append(under(w, expr).truth(x).tree)
+    return conditions
 
 
 def _is_set(domain: s.Expr) -> bool:
@@ -427,6 +434,9 @@ def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piec
     """Return a family of distributions with their index below: a matrix of deviations is squared element by element."""
     at = indices(w, call, max(rank(w, value) for value in given.values()))
     inner = w.with_axes({index.id: 0 for index in at})
-    keywords = tuple((name, element(inner, value, at)) for name, value in given.items())
+    entries = []
+    for name, value in given.items():
+        entries.append((name, element(inner, value, at)))
+    keywords = tuple(entries)
     one = distribution(inner, replace(call, args=(), keywords=keywords))
     return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))

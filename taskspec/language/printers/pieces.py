@@ -68,7 +68,10 @@ class Piece:
 def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
     """Return the operands of an operator, with the brackets that it asks for."""
     rule = NOTATION.get(operator, ENCLOSED)
-    return [piece.at(rule.operand(i), lead=rule.lead and i == 0) for i, piece in enumerate(pieces)]
+    operands = []
+    for i, piece in enumerate(pieces):
+        operands.append(piece.at(rule.operand(i), lead=rule.lead and i == 0))
+    return operands
 
 
 def applied(operator: str, tree: m.Math, signed: bool = False) -> Piece:

@@ -198,7 +198,10 @@ def _axes_of_call(w: Writer, call: s.Call) -> int:
     if call.function not in w.notation.bodies:
         return 0
     arguments, body = w.notation.bodies[call.function]
-    return rank(w.with_axes({name: rank(w, a) for name, a in zip(arguments, call.args, strict=False)}), body)
+    ranks = {}
+    for name, a in zip(arguments, call.args, strict=False):
+        ranks[name] = rank(w, a)
+    return rank(w.with_axes(ranks), body)
 
 
 def _axes_of_distribution(w: Writer, call: s.Call) -> int:
@@ -294,7 +297,11 @@ def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
-    used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
+    used = set()
+    for x in s.names(expr):
+        if isinstance(x, s.Name):
+            used.add(x.id)
+    used = used | {*s.targets(expr)} | {*w.notation.symbols}
     looks = set(map(w.notation.symbol, used))
     free = []
     for i in _LETTERS:

@@ -112,7 +112,8 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
                 known[other] = _read_file(other, other, here, known)
             named[name] = known[other]
         except SpecError as error:
-            problems += (replace(d, span=d.span or document.span(path)) for d in error.diagnostics)
+            for d in error.diagnostics:
+                problems.append(replace(d, span=d.span or document.span(path)))
     if problems:
         raise SpecError(problems)
     if named:

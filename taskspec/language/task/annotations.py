@@ -133,7 +133,10 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     else:
         return None
     width = node.type.shape[1]
-    return tuple("".join(letters[i : i + width]) for i in range(0, len(letters), width))
+    rows = []
+    for i in range(0, len(letters), width):
+        rows.append("".join(letters[i : i + width]))
+    return tuple(rows)
 
 
 # Worked examples as surface syntax: names are checked when a task is built, values when the example is.
@@ -191,7 +194,11 @@ def _named(
 
 def _names(context: Context, section: str) -> Sequence[str]:
     if section == "observation" and context.data.get("observation"):
-        return [name for name in context.data["observation"] if name != "space"]
+        names = []
+        for name in context.data["observation"]:
+            if name != "space":
+                names.append(name)
+        return names
     if section == "given state":
         return all_names((*context.state, *context.memory))
     return all_names(context.action if section == "action" else context.state)
@@ -245,7 +252,9 @@ def _shown(
     """Yield what is seen then: lines, what no line names or uses, and new names."""
     if not values:
         return
-    used = {name for _, name in reads(v.node for v in values.values())}
+    used = set()
+    for _, name in reads(v.node for v in values.values()):
+        used.add(name)
     for c in observation.components:
         if c.name in values:
             yield _component(context, c, values[c.name])
@@ -292,15 +301,22 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
     if not context.memory or any(len(nodes) < len(context.memory) for nodes in lines.values()):
         return None
     raw_initial, raw_next = map(tuple, lines.values())
-    initial, following = (_fitting(context.builder, context.memory, nodes) for nodes in (raw_initial, raw_next))
+    initial = _fitting(context.builder, context.memory, raw_initial)
+    following = _fitting(context.builder, context.memory, raw_next)
     return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
 
 
 def looking(context: Context, memory: ExpertMemory, observation: Observation, expert: tuple[Node, ...]) -> ExpertMemory:
     """Return a memory that also holds the observations that the expert reads."""
     read = reads(expert)
-    known = {c.read for c in (*context.state, *context.memory)}
-    seen = tuple(c for c in observation.components if c.read in read and c.read not in known)
+    known = set()
+    for c in (*context.state, *context.memory):
+        known.add(c.read)
+    shown = []
+    for c in observation.components:
+        if c.read in read and c.read not in known:
+            shown.append(c)
+    seen = tuple(shown)
     shown = what_is_seen(context.builder, observation)
     nodes = tuple(shown[c.name].node for c in seen)
     context.memory = (*context.memory, *seen)

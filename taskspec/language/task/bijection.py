@@ -78,7 +78,9 @@ class MapPart:
         if not len(again):
             return None
         rows = np.array([first[where.reshape(-1)[again[0]]], again[0]])
-        one, other = (_values(self.inputs, _all(self.inputs, rows), i) for i in range(2))
+        pair = _all(self.inputs, rows)
+        one = _values(self.inputs, pair, 0)
+        other = _values(self.inputs, pair, 1)
         return one, other
 
 
@@ -167,12 +169,18 @@ def _rows(values: Sequence[Array], lanes: int) -> Array:
 
 
 def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int) -> Values:
-    return {c.name: v[..., lane] for c, v in zip(components, arrays, strict=True)}
+    values = {}
+    for c, v in zip(components, arrays, strict=True):
+        values[c.name] = v[..., lane]
+    return values
 
 
 def _of_row(components: Sequence[Component], row: Array) -> Values:
     ends = np.cumsum([0, *(c.type.size for c in components)])
-    return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}
+    values = {}
+    for c, a, b in zip(components, ends, ends[1:], strict=False):
+        values[c.name] = row[a:b].reshape(c.type.shape)
+    return values
 
 
 def _ends(components: Sequence[Component]) -> tuple[Array, Array]:

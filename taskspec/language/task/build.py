@@ -133,7 +133,11 @@ def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
 
 def _meant(merged: Merged) -> str:
     """Return the sections that have a meaning, with the types of their values: 1, 1.0 and True are equal otherwise."""
-    return repr({section: value for section, value in merged.data.items() if section not in _PROSE})
+    sections = {}
+    for section, value in merged.data.items():
+        if section not in _PROSE:
+            sections[section] = value
+    return repr(sections)
 
 
 _PROSE = ("title", "summary", "description", "capability", "keywords", "sources", "errata")
@@ -285,7 +289,10 @@ def build_abstract(task: Task) -> Task | None:
         return build_merged(merged, task.values, task.source.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
-        raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
+        diagnostics = []
+        for d in error.diagnostics:
+            diagnostics.append(replace(d, notes=(*d.notes, note)))
+        raise SpecError(diagnostics) from None
 
 
 def build_varying(task: Task, names: Sequence[str]) -> Task:
@@ -303,7 +310,10 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
         built = build_merged(stripped(merge(task.source.document, task.source.variant)), given, task.source.suite)
     except SpecError as error:
         raise SpecError(_refused(d, names) for d in error.diagnostics) from None
-    read = {name for role, name in reads(built.roots) if role is Role.PARAMETER}
+    read = set()
+    for role, name in reads(built.roots):
+        if role is Role.PARAMETER:
+            read.add(name)
     for name in names:
         if name not in read:
             message = f"parameter {name} has no effect on what a step gives, and cannot differ between lanes"

@@ -42,7 +42,10 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
         SpecError: for given values that parameters cannot have, or that may not go together.
     """
     entries = context.data.get("parameters") or {}
-    names = [name for name in entries if name != "require"]
+    names = []
+    for name in entries:
+        if name != "require":
+            names.append(name)
     given = _by_own_names(context, given, {entries[name].get("alias") or name: name for name in names})
     scope = context.constant_scope("parameters are fixed numbers")
     for name in names:

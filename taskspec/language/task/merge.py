@@ -208,16 +208,21 @@ def _claims(
 ) -> tuple[list[Any], list[Path]]:
     """Return the claims without those that are dropped and with those that are added, and those dropped that there are not."""
     document, start = here
-    dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
+    dropped = {}
+    for i, claim in enumerate(over.get("drop") or ()):
+        dropped[statement(claim)] = i
     claims = []
     for i, claim in enumerate(data.get("claims") or []):
         if statement(claim) not in dropped:
             claims.append((claim, _place(moved, document, ("claims", i))))
     unknown = set(dropped) - set(map(statement, data.get("claims") or []))
-    claims += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
+    for i, claim in enumerate(over.get("add") or ()):
+        claims.append((claim, (document, (*start, "claims", "add", i))))
     _move(moved, ("claims",), here)
-    moved |= {("claims", i): place for i, (_, place) in enumerate(claims)}
-    moved |= {("claims", claim): (document, (*start, "claims", "drop", dropped[claim])) for claim in unknown}
+    for i, (_, place) in enumerate(claims):
+        moved[("claims", i)] = place
+    for claim in unknown:
+        moved[("claims", claim)] = (document, (*start, "claims", "drop", dropped[claim]))
     return [claim for claim, _ in claims], [("claims", claim) for claim in dropped if claim in unknown]
 
 
@@ -230,7 +235,10 @@ def abstracted(merged: Merged) -> Merged | None:
     if not over:
         return None
     memory = ("memory", "expert") if merged.data.get("memory") else ()  # a stand-in shows no observations to remember
-    data = {key: value for key, value in merged.data.items() if key not in (*_NOT_ABSTRACT, *memory)}
+    data = {}
+    for key, value in merged.data.items():
+        if key not in (*_NOT_ABSTRACT, *memory):
+            data[key] = value
     if merged.data.get("symmetries"):  # a stand-in shows other things, and is steered alike
         steering = {}
         for name, s in data["symmetries"].items():
@@ -259,7 +267,9 @@ def _key(document: Document, variant: str) -> str:
     variants: dict[str, Any] = document.data.get("variants") or {}
     if variant in variants:
         return variant
-    keys = {task_name(name, key): key for key in variants}
+    keys = {}
+    for key in variants:
+        keys[task_name(name, key)] = key
     if variant in keys:
         return keys[variant]
     message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"
@@ -313,11 +323,19 @@ def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """Return what an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
     if over.get("type", old.get("type")) == old.get("type"):
         return old
-    return {key: value for key, value in old.items() if key in _OF_ANY_TYPE}
+    kept = {}
+    for key, value in old.items():
+        if key in _OF_ANY_TYPE:
+            kept[key] = value
+    return kept
 
 
 def _without_nulls(entry: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in entry.items() if value is not None}
+    changed = {}
+    for key, value in entry.items():
+        if value is not None:
+            changed[key] = value
+    return changed
 
 
 def _move(moved: dict[Path, Place], path: Path, here: Place) -> None:

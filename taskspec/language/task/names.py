@@ -80,7 +80,8 @@ class Names:
                 visible[name] = Unavailable("E302", f"'{name}' was seen before the step", hint)
                 visible[name + "'"] = value
             hint = "an observation after a step is written with a prime"
-            visible |= {c.name: self.context.bound(c, Role.ACTION) for c in self.context.action}
+            for c in self.context.action:
+                visible[c.name] = self.context.bound(c, Role.ACTION)
             for c in self.context.memory:
                 visible[c.name] = self.context.bound(c, Role.STATE)
             self._bind_time(visible, section)

@@ -151,7 +151,10 @@ class Component:
     @property
     def counts(self) -> tuple[int, ...]:
         """For a finite component, how many values each element takes."""
-        return tuple(int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True))
+        counts = []
+        for b, h in zip(self.low, self.high, strict=True):
+            counts.append(int(h - b) + 1)
+        return tuple(counts)
 
     @property
     def read(self) -> tuple[Role, str]:

@@ -43,7 +43,10 @@ def task_of(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
                 lacking.append(d)
         if len(lacking) < 2:
             raise
-        others = [d for d in error.diagnostics if d not in lacking]
+        others = []
+        for d in error.diagnostics:
+            if d not in lacking:
+                others.append(d)
         raise SpecError([*others, _first(lacking)]) from None
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
         context.collector.raise_if_errors()

@@ -32,7 +32,11 @@ def reads_time(expressions: Iterable[Expression]) -> bool:
 
 def components_read(expressions: Iterable[Expression], role: Role = Role.STATE) -> set[str]:
     """Return the names of the components that expressions read, of the state unless another role is given."""
-    return {name for each, name in reads(expressions) if each is role}
+    names = set()
+    for each, name in reads(expressions):
+        if each is role:
+            names.add(name)
+    return names
 
 
 def components_followed(
@@ -93,7 +97,11 @@ def period(task: Task, expression: Expression) -> float:
 
 def unchanged(task: Task) -> set[str]:
     """Return the components of the state that no step changes."""
-    return {c.name for c, later in zip(task.state, task.process.next, strict=True) if component(later) == c.name}
+    names = set()
+    for c, later in zip(task.state, task.process.next, strict=True):
+        if component(later) == c.name:
+            names.add(c.name)
+    return names
 
 
 # -- what is written --------------------------------------------------------------------------------------------------

@@ -67,7 +67,11 @@ def constants(task: Task) -> dict[str, Any]:
 
 def parameter(p: Parameter) -> dict[str, Any]:
     named = ("name", "kind", "value", "default", "low", "high", "values", "symbol", "doc", "alias")
-    return {name: getattr(p, name) for name in named if getattr(p, name) is not None}
+    values = {}
+    for name in named:
+        if getattr(p, name) is not None:
+            values[name] = getattr(p, name)
+    return values
 
 
 def component(c: Component) -> dict[str, Any]:
@@ -208,7 +212,10 @@ def label_words(domain: Domain) -> list[str]:
     """Return labels, each with its value."""
     if domain.values is None:
         return list(domain.labels)
-    return [f"{label} {_value(value)}" for label, value in zip(domain.labels, domain.values, strict=True)]
+    words = []
+    for label, value in zip(domain.labels, domain.values, strict=True):
+        words.append(f"{label} {_value(value)}")
+    return words
 
 
 def _value(value: Any) -> str:

@@ -168,7 +168,9 @@ def _number(context: Context, expr: s.Expr | None, what: str, kind: Type, scope:
         node = context.checker.numeric(expr, scope)
         if node.type.is_scalar:
             return context.builder.cast(node, kind.kind)
-        parts = [(part, context.checker.numeric(part, scope).type) for part in s.alternatives(expr)]
+        parts = []
+        for part in s.alternatives(expr):
+            parts.append((part, context.checker.numeric(part, scope).type))
     except Poisoned:
         return None
     for part, type_ in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
@@ -319,7 +321,9 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
     path: Path = ("abstraction", "map")
     written = context.data["abstraction"]["map"]
     components = context.data["abstraction"]["state"]
-    exprs = context.exprs["abstraction"] = {name: context.forms.expr((*path, name)) for name in written}
+    exprs = {}
+    for name in written:
+        exprs[name] = context.forms.expr((*path, name))
     nodes = []
     for name, expr in exprs.items():
         if name not in components:
@@ -339,7 +343,12 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
 def claims(context: Context) -> Iterator[Claim]:
     """Yield the claims as surface syntax; they are evaluated on the exact model."""
     written = context.data.get("claims") or []
-    entries: list[dict[str, Any]] = [{"claim": entry} if isinstance(entry, str) else entry for entry in written]
+    entries: list[dict[str, Any]] = []
+    for entry in written:
+        if isinstance(entry, str):
+            entries.append({"claim": entry})
+        else:
+            entries.append(entry)
     number = sum(parameters.size(entry.get("for")) or 1 for entry in entries)
     too_many = number > limits().claims
     if too_many:

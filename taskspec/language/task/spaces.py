@@ -91,7 +91,10 @@ class SpaceLayout:
                     most.append(FLOAT_MAX)
                 else:
                     most.append(INT_MAX)
-        return tuple((max(a, -m), min(b, m)) for a, b, m in zip(self.low, self.high, most, strict=True))
+        intervals = []
+        for a, b, m in zip(self.low, self.high, most, strict=True):
+            intervals.append((max(a, -m), min(b, m)))
+        return tuple(intervals)
 
     @property
     def ends(self) -> tuple[tuple[float, float], ...]:
@@ -102,7 +105,10 @@ class SpaceLayout:
             starts = self.starts
         else:
             starts = (0,) * len(self.counts)
-        return tuple((start, start + count - 1) for start, count in zip(starts, self.counts, strict=True))
+        intervals = []
+        for start, count in zip(starts, self.counts, strict=True):
+            intervals.append((start, start + count - 1))
+        return tuple(intervals)
 
     @property
     def is_dict(self) -> bool:
@@ -113,7 +119,10 @@ class SpaceLayout:
     def parts(self) -> tuple[Part, ...]:
         """The arrays of a value: one for every key of a dict, otherwise a single one."""
         if self.form == "dict":
-            return tuple(Part(c.name, c.type.shape, c.is_finite and c.type.is_scalar) for c in self.components)
+            parts = []
+            for c in self.components:
+                parts.append(Part(c.name, c.type.shape, c.is_finite and c.type.is_scalar))
+            return tuple(parts)
         return (Part(None, self.shape, self.form in ("discrete", "multi_discrete")),)
 
     @cached_property
@@ -168,7 +177,13 @@ def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout
             else:
                 most.append(INT_SINGLE)
     low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
-    high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
+    high = []
+    for b, m in zip(layout.high, most, strict=True):
+        if math.isinf(b):
+            high.append(b)
+        else:
+            high.append(min(b, m))
+    high = tuple(high)
     if layout.shape or is_number:
         shape = layout.shape
     else:
@@ -251,7 +266,10 @@ def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     """Component values, flat row-major, as one Gymnasium value."""
     rows = pack_many(layout, [np.array([flat]) for flat in flats])
     if layout.is_dict:
-        return {part.name: _first(part, rows[part.name]) for part in layout.parts}
+        values = {}
+        for part in layout.parts:
+            values[part.name] = _first(part, rows[part.name])
+        return values
     return _first(layout.parts[0], rows)
 
 
@@ -283,7 +301,9 @@ def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
         held = [value[part.name] for part in layout.parts]
     else:
         held = [value]
-    parts = [np.asarray(each).ravel().tolist() for each in held]
+    parts = []
+    for each in held:
+        parts.append(np.asarray(each).ravel().tolist())
     flats = []
     for c, segment in zip(layout.components, layout.segments, strict=True):
         flat = parts[segment.part][segment.first : segment.first + segment.size]

@@ -338,7 +338,11 @@ class Task(InNotebooks):
     @property
     def given(self) -> dict[str, Any]:
         """The values that are not the defaults, by name: where one of them changes, defaults that depend on it do as well."""
-        return {p.name: p.value for p in self.parameters if p.value != p.default}
+        values = {}
+        for p in self.parameters:
+            if p.value != p.default:
+                values[p.name] = p.value
+        return values
 
     @property
     def is_finite(self) -> bool:

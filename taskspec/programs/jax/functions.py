@@ -113,8 +113,14 @@ def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
         case "discrete":
             return seen - layout.starts[0]
         case "dict":
-            starts = {c.name: int(c.low[0]) for c in layout.components if c.is_finite and c.type.is_scalar}
-            return {name: value - starts.get(name, 0) for name, value in seen.items()}
+            starts = {}
+            for c in layout.components:
+                if c.is_finite and c.type.is_scalar:
+                    starts[c.name] = int(c.low[0])
+            counted = {}
+            for name, value in seen.items():
+                counted[name] = value - starts.get(name, 0)
+            return counted
         case _:
             return seen
 
@@ -172,7 +178,11 @@ class OpenParameters:
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Return those of a task that is built with them open."""
         messages = tuple(message for _, message in task.process.required)
-        bound = tuple(p.name for p in task.parameters if p.name not in all_names(varying))
+        fixed = []
+        for p in task.parameters:
+            if p.name not in all_names(varying):
+                fixed.append(p.name)
+        bound = tuple(fixed)
         if not messages:
             return cls(varying, bound)
         return cls(varying, bound, repr(task.process.required), messages, compile_required(task))
@@ -318,7 +328,12 @@ class Functional:
         else:
             built = self.task
         self.program: JaxProgram = compile_jax(built)
-        opened = tuple(p for name in names for p in self.task.parameters if p.name == name)
+        parameters = []
+        for name in names:
+            for p in self.task.parameters:
+                if p.name == name:
+                    parameters.append(p)
+        opened = tuple(parameters)
         self._open = OpenParameters.of(built, opened)
         self.default_params: Any = self._open.default(self.task)
 

@@ -43,7 +43,9 @@ def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
             dtype = jnp.float32
         rows[segment.part].append(_numbers(segment, seen[segment.component]).astype(dtype))
     lanes = seen[0].shape[-1]
-    made = {p.name: jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)}
+    made = {}
+    for p, r in zip(layout.parts, rows, strict=True):
+        made[p.name] = jnp.concatenate(r).reshape(*p.shape, lanes)
     if layout.is_dict:
         return made
     return made[layout.parts[0].name]
@@ -283,11 +285,14 @@ def _emit(
     lowered = folded(b, compared(b, roots, library.BIAS))
     names = {TIME: "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
-        names |= {(role, c.name): s for c, s in zip(components, names_of(prefix, components), strict=True)}
-    names |= {(Role.PARAMETER, name): source for name, source in open_names(task).items()}
+        for c, s in zip(components, names_of(prefix, components), strict=True):
+            names[(role, c.name)] = s
+    for name, source in open_names(task).items():
+        names[(Role.PARAMETER, name)] = source
     for draw in (n for n in walk(roots) if isinstance(n, Draw)):
         first = words.first[draw.site]
-        names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
+        for k, v in enumerate(word_names(draw)):
+            names[(Role.VARIABLE, v)] = f"w.signed({first + k})"
     form = JaxForm(names, lambda d, a: _drawn(d, a, words, constants), constants)
     return form.emit(lowered)
 
@@ -315,7 +320,11 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 def open_names(task: Task) -> dict[str, str]:
     """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
-    names = sorted(name for role, name in reads(task.roots) if role is Role.PARAMETER)
+    open_parameters = []
+    for role, name in reads(task.roots):
+        if role is Role.PARAMETER:
+            open_parameters.append(name)
+    names = sorted(open_parameters)
     return {name: f"p{i}" for i, name in enumerate(names)}
 
 

@@ -33,10 +33,19 @@ WIDE = 64
 def suits(task: Task) -> bool:
     """Return whether a kernel of the task compiles in reasonable time."""
     roots = (*task.reset_roots, *task.step_roots)
-    nodes = [n for n in walk(roots) if not isinstance(n, Const)]
+    nodes = []
+    for n in walk(roots):
+        if not isinstance(n, Const):
+            nodes.append(n)
     quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
-    wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]
-    wide_draws = [n for n in nodes if isinstance(n, Draw) and VARIATES[n.base].sorts]
+    wide = []
+    for n in nodes:
+        if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const):
+            wide.append(n)
+    wide_draws = []
+    for n in nodes:
+        if isinstance(n, Draw) and VARIATES[n.base].sorts:
+            wide_draws.append(n)
     largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
     looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and VARIATES[n.base].loop)
     return total_size(nodes) - looped <= ELEMENTS and largest <= WIDE
@@ -179,7 +188,8 @@ class KernelLane(LaneEmitter):
         out: list[str] = []
         for index in self.atoms(i):
             at = self.assign(index)
-            out += [self._element_at(x, at, column, row, rows) for column in range(row)]
+            for column in range(row):
+                out.append(self._element_at(x, at, column, row, rows))
         return LaneValue(out)
 
     def _element_at(self, x: Node, at: str, column: int, row: int, rows: int) -> str:
@@ -223,7 +233,10 @@ class KernelLane(LaneEmitter):
         row = strided(x.type.shape)
         new = list(map(self.assign, self.atoms(value)))
         old = list(map(self.assign, self.atoms(x)))
-        return LaneValue([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
+        cells = []
+        for k, a in enumerate(old):
+            cells.append(self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})"))
+        return LaneValue(cells)
 
     def _swap(self, node: Apply) -> LaneValue:
         x, i, j = node.args
@@ -231,8 +244,12 @@ class KernelLane(LaneEmitter):
         a = self.assign(self.scalar(i))
         b = self.assign(self.scalar(j))
         old = list(map(self.assign, self.atoms(x)))
-        at_a = [self._chain(old[c::row], a) for c in range(row)]
-        at_b = [self._chain(old[c::row], b) for c in range(row)]
+        at_a = []
+        for c in range(row):
+            at_a.append(self._chain(old[c::row], a))
+        at_b = []
+        for c in range(row):
+            at_b.append(self._chain(old[c::row], b))
         made = []
         for k, v in enumerate(old):
             kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")

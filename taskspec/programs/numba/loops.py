@@ -119,7 +119,12 @@ class Statements:
         self.p = p
         self.shown = _shown(p, roots, words)
         hidden = len(roots) - len(p.observation.components)
-        kept = [_NOTHING if i - hidden in self.shown else root for i, root in enumerate(roots)]
+        kept = []
+        for i, root in enumerate(roots):
+            if i - hidden in self.shown:
+                kept.append(_NOTHING)
+            else:
+                kept.append(root)
         self.lane = _lane(p, words)
         self.values = self.lane.emit(kept)
 
@@ -200,10 +205,16 @@ def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, Sh
 
 def action_places(p: Program) -> list[tuple[str, str]]:
     """For every element of an action: its name, and where it stands in the lanes-first array of actions."""
-    names = [f"a_{i}_{k}" for i, c in enumerate(p.task.action) for k in range(c.type.size)]
+    names = []
+    for i, c in enumerate(p.task.action):
+        for k in range(c.type.size):
+            names.append(f"a_{i}_{k}")
     if len(names) == 1:
         return [(names[0], "j")]
-    return [(name, f"j * {len(names)} + {k}") for k, name in enumerate(names)]
+    places = []
+    for k, name in enumerate(names):
+        places.append((name, f"j * {len(names)} + {k}"))
+    return places
 
 
 def check(p: Program) -> LoopFunction:
@@ -264,7 +275,9 @@ def advance(p: Program) -> LoopFunction:
     seen = step.observed()
     reward = step.scalar(n, "f64")
     terminal = (step.values[n + 1].atoms or ["False"])[0]
-    measures = {row: step.scalar(n + 2 + i, "f64") for i, row in enumerate(p.measures)}
+    measures = {}
+    for i, row in enumerate(p.measures):
+        measures[row] = step.scalar(n + 2 + i, "f64")
     again, stores = _results(p, step, state, seen)
     lines = step.lane.finish(results=[*state.values(), *seen.values(), reward, terminal, *measures.values()])
     time = "i32(time[j])"
@@ -289,7 +302,10 @@ def advance(p: Program) -> LoopFunction:
 
 
 def _stored(values: dict[str, str]) -> list[str]:
-    return [f"{row}[j] = {value}" for row, value in values.items()]
+    lines = []
+    for row, value in values.items():
+        lines.append(f"{row}[j] = {value}")
+    return lines
 
 
 def _results(p: Program, step: Statements, state: dict[str, str], seen: dict[str, str]) -> tuple[list[str], list[str]]:

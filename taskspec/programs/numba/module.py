@@ -27,7 +27,9 @@ def generate(task: Task, mode: Mode) -> tuple[str, Program]:
     beginning = begin(p)
     functions = [check(p).lines, advancing.lines, beginning.lines, _step(p, advancing, beginning), _reset(p, beginning)]
     text = repr(f"{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}.")
-    tables = [f"{name} = np.array({array.tolist()}, np.{array.dtype})" for name, array in p.constants.items()]
+    tables = []
+    for name, array in p.constants.items():
+        tables.append(f"{name} = np.array({array.tolist()}, np.{array.dtype})")
     head = [text, "", *_IMPORTS, *tables, ""]
     for function in functions:
         head += ["", *function, ""]
@@ -65,7 +67,9 @@ def _reset(p: Program, beginning: LoopFunction) -> list[str]:
 
 
 def _blocks(p: Program, body: list[str]) -> list[str]:
-    rows = [f"{row} = {p.rows[row]}" for row in p.rows_in(body)]
+    rows = []
+    for row in p.rows_in(body):
+        rows.append(f"{row} = {p.rows[row]}")
     lines = [f"n = min({p.block}, stop - first)", *rows, *body]
     return [f"for first in range(start, stop, {p.block}):", *indent(lines)]
 

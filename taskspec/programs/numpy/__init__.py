@@ -240,7 +240,9 @@ class NumpyEngine:
             size = max(1, -(-lanes // -(-lanes // BLOCK)))
         else:
             size = 1
-        places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
+        places = []
+        for i in range(0, lanes, size):
+            places.append(slice(i, min(i + size, lanes)))
         self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:

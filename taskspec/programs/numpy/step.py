@@ -104,11 +104,14 @@ def generate(
     measures = [f"measure{i}" for i in range(len(task.process.measures))]
     first = n + 2 + len(measures)  # of the observation
     shown = again is not None and _shows_state(task, observation, roots, again)
+    measured = []
+    for name, value in zip(measures, values[n + 2 :], strict=False):
+        measured += _copy(name, value)
     lines = [  # results may show the state, so they are copied before it moves on
         *statements,
         *([] if shown else _observation(form, observation, outputs, values[first:])),
         *_copy("reward", values[n]),
-        *(line for name, value in zip(measures, values[n + 2 :], strict=False) for line in _copy(name, value)),
+        *measured,
         *([] if never(roots[n + 1]) else _copy("terminated", values[n + 1])),
         *_state(form, task, states, roots[:n], values[:n]),
         *_ending(task, roots[n + 1]),
@@ -117,7 +120,9 @@ def generate(
         "return count",
     ]
     arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended", *measures]
-    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
+    for name in ("seen", "final"):
+        for i in range(len(observation.parts)):
+            arguments.append(f"{name}{i}")
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
     quiet = []
@@ -131,7 +136,10 @@ def generate(
 
 def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
     """Return whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
-    reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
+    reals = []
+    for n in walk(roots):
+        if isinstance(n, Apply) and n.type.kind is Kind.REAL:
+            reals.append(n)
     small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
     return not small or any(n.op not in ("index", "to_real", "where", "element") for n in reals)
 
@@ -140,7 +148,8 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     names = {TIME: "t"}
     names |= by_read(Role.STATE, task.state, states)
     names |= by_read(Role.ACTION, task.action, actions)
-    names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
+    for v in (*hoisted.names, *hoisted.word_numbers):
+        names[(Role.VARIABLE, v)] = v
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
     def drawn(draw: Draw, args: Sequence[str]) -> str:
@@ -160,7 +169,11 @@ def _sinks(
     n = len(task.state)
     sinks: dict[int, Sink] = {}
     for c, name, root in zip(task.state, states, roots, strict=False):
-        held = frozenset(id(r) for r in walk(roots) if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name))
+        reads_of_component = set()
+        for r in walk(roots):
+            if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name):
+                reads_of_component.add(id(r))
+        held = frozenset(reads_of_component)
         sinks.setdefault(id(root), Sink(name, held))
     if roots[n].type.kind is Kind.REAL:
         sinks.setdefault(id(roots[n]), Sink("reward"))
@@ -200,7 +213,10 @@ def _state(
     form: ArrayForm, task: Task, states: Sequence[str], roots: Sequence[Node], values: Sequence[str]
 ) -> list[str]:
     """Return the next state, written over the present one; what shows memory of another component is copied first."""
-    shown = {id(n) for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE}
+    shown = set()
+    for n in walk(roots):
+        if isinstance(n, Read) and n.role is Role.STATE:
+            shown.add(id(n))
     copies = []
     lines = []
     for c, name, root, value in zip(task.state, states, roots, values, strict=True):
@@ -242,7 +258,9 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
         lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
     else:
         seen = [f"seen{i}" for i in range(len(again.seen))]
-        lines = [f"copyto(final{i}, {name})" for i, name in enumerate(seen)]
+        lines = []
+        for i, name in enumerate(seen):
+            lines.append(f"copyto(final{i}, {name})")
         lines += _put([*states, *seen], [*again.state, *again.seen])
     return ["if count:", *indent([*lines, "putmask(t, ended, ZERO)"])]
 

@@ -28,10 +28,13 @@ from taskspec.programs.scalar.phase import Phase, phase_stream
 
 def scalar_namespace() -> dict[str, Any]:
     """Return names and what they are: numbers, the functions of the operator table, and draws."""
+    functions: dict[str, Any] = {}
+    for entry in OPERATORS.values():
+        functions.update(entry.scalar.names)
     return {
         "nan": math.nan,
         "inf": math.inf,
-        **{name: function for operator in OPERATORS.values() for name, function in operator.scalar.names.items()},
+        **functions,
         "bisect_right": bisect_right,
         "bernoulli": draws.bernoulli,
         "weighted_categorical": draws.weighted_categorical,

@@ -88,7 +88,10 @@ def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[
 def sees_state(task: Task, layout: SpaceLayout) -> bool:
     """Return whether an observation is the array that tells the state: its elements in order, as float32."""
     finite = are_finite(task.state)
-    seen = [(node.role, node.name) for node in task.observation.nodes if isinstance(node, Read)]
+    seen = []
+    for node in task.observation.nodes:
+        if isinstance(node, Read):
+            seen.append((node.role, node.name))
     same = seen == [c.read for c in task.state] and len(seen) == len(task.observation.nodes)
     return same and layout.form == "box" and not finite
 
@@ -120,7 +123,13 @@ def flat_state(task: Task, names: Sequence[str]) -> str:
 
 
 def _info_elements(task: Task, names: Sequence[str]) -> str:
-    return ", ".join(name if c.type.is_scalar else f"*{name}" for c, name in zip(task.state, names, strict=True))
+    parts = []
+    for c, name in zip(task.state, names, strict=True):
+        if c.type.is_scalar:
+            parts.append(name)
+        else:
+            parts.append(f"*{name}")
+    return ", ".join(parts)
 
 
 def _shape(task: Task) -> tuple[int, ...]:
@@ -176,7 +185,9 @@ def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
     else:
         new_state = flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
-    items = [f'"{name}": {sources[name]}' for name in task.info]
+    items = []
+    for name in task.info:
+        items.append(f'"{name}": {sources[name]}')
     if measures:
         values = zip(task.process.measures, measures, strict=True)
         items.append('"measures": {' + ", ".join(f"{name!r}: {source}" for name, source in values) + "}")
@@ -216,7 +227,9 @@ def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequen
         case "box":
             return _array(lane, nodes[0], lane.scalar(nodes[0])), []
         case "multi_discrete":
-            atoms = [_shifted(a, start) for a, start in zip(_all_atoms(lane, nodes), layout.starts, strict=True)]
+            atoms = []
+            for a, start in zip(_all_atoms(lane, nodes), layout.starts, strict=True):
+                atoms.append(_shifted(a, start))
             return f"np.array(({', '.join(atoms)},), np.int64)", []
         case "one_hot":
             return _one_hot(lane, nodes, layout)
@@ -233,7 +246,10 @@ def _integer(lane: LaneEmitter, node: Node) -> str:
 
 
 def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
-    return [atom for node in nodes for atom in lane.atoms(node)]
+    atoms = []
+    for node in nodes:
+        atoms += lane.atoms(node)
+    return atoms
 
 
 def _shifted(atom: str, start: int) -> str:
@@ -268,7 +284,12 @@ def _write(lane: LaneEmitter, start: int, run: Sequence[Node]) -> list[str]:
     size = total_size(run)
     if size == 1 and not _may_overflow(lane, run[0]):
         return [f"o[{start}] = {lane.scalar(run[0])}"]
-    items = [f"*{lane.packed(n)}" if n.type.size > UNROLLED else ", ".join(lane.atoms(n)) for n in run]
+    items = []
+    for n in run:
+        if n.type.size > UNROLLED:
+            items.append(f"*{lane.packed(n)}")
+        else:
+            items.append(", ".join(lane.atoms(n)))
     writer = lane.constant(Struct(f"{size}f").pack_into)  # native floats: what overflows becomes inf
     return [f"{writer}(o, {4 * start}, {', '.join(items)})"]
 
@@ -277,7 +298,10 @@ def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> t
     name = lane.name()
     statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
     offset = 0
-    bounds = [lane.certain(node) for node in nodes for _ in range(node.type.size)]
+    bounds = []
+    for node in nodes:
+        for _ in range(node.type.size):
+            bounds.append(lane.certain(node))
     places = zip(_all_atoms(lane, nodes), bounds, layout.starts, layout.counts, strict=True)
     for atom, (low, high), start, count in places:
         statement = f"{name}[{offset} + {_shifted(atom, start)}] = 1.0"

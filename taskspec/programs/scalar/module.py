@@ -105,7 +105,9 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     lane = _lane(parts, phase, states, (), constants)
     values = lane.emit((*phase.roots, *phase.observation))
     types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
-    stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
+    stored = []
+    for n, v in zip(phase.roots, types, strict=True):
+        stored.append(_stored(lane, n, v))
     for i, c in enumerate(task.state):
         if c.name in parts.cold:
             stored[i] = "None"
@@ -134,8 +136,16 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
     read = _names_in(others)
-    used = _names_in([*body, *(source for name, source in kept if name in read)])
-    return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
+    sources = []
+    for name, source in kept:
+        if name in read:
+            sources.append(source)
+    used = _names_in([*body, *sources])
+    lines = []
+    for h in phase.wide:
+        if h in used:
+            lines.append(f"{h} = {h}.tolist()")
+    return lines
 
 
 def _names_in(lines: Iterable[str]) -> set[str]:
@@ -151,14 +161,21 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     values = lane.emit((*phase.roots, *phase.observation))
     n = len(task.state)
     frozen = frozen_components(task)
-    changed = [i for i in range(n) if task.state[i].name not in frozen]
-    stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
+    changed = []
+    for i in range(n):
+        if task.state[i].name not in frozen:
+            changed.append(i)
+    stored = {}
+    for i in changed:
+        stored[i] = _stored(lane, phase.roots[i], task.state[i].type)
     own = {"True", "False", "nan", "inf", *phase.names, *_kept(parts)}
     reward, terminal, *measures = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n:])
     observation, statements = _seen(lane, parts, terminal, values[len(phase.roots) :], own)
     end, flags = _ending(task, terminal)
     inner = lane.finish(statements, [*stored.values(), observation, reward, terminal, *measures])
-    kept = [(states[i], source) for i, source in stored.items()]
+    kept = []
+    for i, source in stored.items():
+        kept.append((states[i], source))
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     body += interface.old_state(task, states)
     nonlocals = [states[i] for i in changed]
@@ -229,8 +246,12 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
     else:
         nodes = ()
     lane.emit((*parts.invariants.nodes, *nodes))
-    fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
-    lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
+    fixed = []
+    for n in parts.invariants.nodes:
+        fixed.append(_stored(lane, n, n.type))
+    lines = []
+    for name, source in zip(parts.invariants.names, fixed, strict=True):
+        lines.append(f"{name} = {source}")
     if nodes:
         flat = []
         for n in nodes:

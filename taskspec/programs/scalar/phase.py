@@ -54,13 +54,26 @@ class Phase:
         else:
             parts, inner = ((), list(observation))
         hoisted = maximal_draws((*roots, *(n for n in inner if n is not None)), free)
-        names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
-        variables = {id(n): b.read(Role.VARIABLE, names[id(n)], n.type) for n in hoisted}
+        names = {}
+        for i, n in enumerate(hoisted):
+            names[id(n)] = f"h{i}"
+        variables = {}
+        for n in hoisted:
+            variables[id(n)] = b.read(Role.VARIABLE, names[id(n)], n.type)
         lane = [*roots, *(n for n in inner if n is not None)]
         rewritten = iter(rewrite(lane, variables, b.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
-        new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
-        staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
+        observed = []
+        for n in inner:
+            if n is None:
+                observed.append(_FILLED)
+            else:
+                observed.append(next(rewritten))
+        new_observation = tuple(observed)
+        staying = []
+        for n in walk([*new_roots, *new_observation]):
+            if isinstance(n, Draw):
+                staying.append(n)
         named = {d.site: word_names(d) for d in staying}
         return cls(
             new_roots, new_observation, tuple(hoisted), tuple(names.values()), named, words,
@@ -77,7 +90,11 @@ class Phase:
     @property
     def wide(self) -> list[str]:
         """The hoisted values that come as arrays."""
-        return [name for name, n in zip(self.hoisted_names, self.hoisted, strict=True) if n.type.size > WIDE]
+        wide = []
+        for name, n in zip(self.hoisted_names, self.hoisted, strict=True):
+            if n.type.size > WIDE:
+                wide.append(name)
+        return wide
 
     @property
     def row_names(self) -> list[str]:

@@ -355,7 +355,10 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
 def _columns(b: NodeMaker, x: Node) -> list[Node]:
     rows, columns = x.type.shape
     flat = b.structure("reshape", [x], (rows * columns,))
-    return [b.structure("slice", [flat], (j, rows, columns)) for j in range(columns)]
+    columns_ = []
+    for j in range(columns):
+        columns_.append(b.structure("slice", [flat], (j, rows, columns)))
+    return columns_
 
 
 def _need_vector(name: str, node: Node) -> int:

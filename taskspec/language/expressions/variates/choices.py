@@ -126,7 +126,10 @@ def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[AnyArray, AnyArra
 
 @lru_cache(maxsize=16)
 def _exact_rows(table: Const) -> dict[tuple[float, ...], tuple[Any, ...]]:
-    return {tuple(float(plain(v)) for v in row): row for row in reversed(_table_rows(table))}
+    by_floats = {}
+    for row in reversed(_table_rows(table)):
+        by_floats[tuple(float(plain(v)) for v in row)] = row
+    return by_floats
 
 
 def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
@@ -156,14 +159,19 @@ def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], 
     rows = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
         exact = list(map(draws.thresholds, rows))
-        columns = [_column(b, [t[i] for t in exact], row) for i in range(k - 1)]
+        columns = []
+        for i in range(k - 1):
+            columns.append(_column(b, [t[i] for t in exact], row))
         return [_reached(b, columns, w) for w in words]
     limits, last = draws.threshold_table(rows)
     columns = []
     for i in range(k - 1):
         columns.append(_column(b, [int(v) - bias for v in limits[:, i]], row))
     most = _column(b, last.tolist(), row)
-    return [b.apply("min2", _reached(b, columns, w), most) for w in words]
+    outcomes = []
+    for w in words:
+        outcomes.append(b.apply("min2", _reached(b, columns, w), most))
+    return outcomes
 
 
 def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:
@@ -180,7 +188,10 @@ def _in_lane(lane: entry.LaneWriter, draw: Draw, words: Sequence[str]) -> list[s
     at = lane.scalar_of(looked_up[1])
     if len(limits[0]) == 1:
         return [f"(0 if {word} < {lane.constant(tuple(r[0] for r in limits))}[{at}] else 1)" for word in words]
-    return [f"bisect_right({lane.constant(limits)}[{at}], {word})" for word in words]
+    outcomes = []
+    for word in words:
+        outcomes.append(f"bisect_right({lane.constant(limits)}[{at}], {word})")
+    return outcomes
 
 
 def _in_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:

@@ -32,7 +32,9 @@ def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str
     largest = _largest(k, [value for value, _ in values])
     logs = [k.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
     most = _largest(k, logs)
-    parts = [k.assign(f"exp32({x} - {most})") for x in logs]
+    parts = []
+    for x in logs:
+        parts.append(k.assign(f"exp32({x} - {most})"))
     total = parts[0]
     for part in parts[1:]:
         total = k.assign(f"({total} + {part})")

@@ -81,7 +81,10 @@ def _problems(document: Document) -> list[Problem]:
 
 def _indented(data: Any, problems: list[Problem]) -> Iterator[Problem]:
     """Yield problems; an unknown key below an empty section is one that is not indented, and then the section is not empty."""
-    unknown = {problem.path[0] for problem in problems if problem.code == "E202" and len(problem.path) == 1}
+    unknown = set()
+    for problem in problems:
+        if problem.code == "E202" and len(problem.path) == 1:
+            unknown.add(problem.path[0])
     owners: dict[Any, str] = {}
     owner = None
     for key in data if unknown else ():

@@ -125,7 +125,9 @@ class TaskEntry(Strict):
 
 
 def _together(entry: TaskEntry) -> Iterator[Problem]:
-    lengths = {name: len(each) for name, each in entry.zip.items()}
+    lengths = {}
+    for name, each in entry.zip.items():
+        lengths[name] = len(each)
     for name, length in lengths.items():
         if name in entry.parameters:
             yield Problem("E205", ("zip", name), f"`{name}` has values under `parameters`, too", None, of_key=True)

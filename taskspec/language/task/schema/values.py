@@ -204,7 +204,9 @@ def definition(text: str) -> Iterator[Problem]:
     function = _FUNCTION.fullmatch(text)
     arguments = []
     if function:
-        arguments = [part.strip() for part in function[2].split(",")]
+        arguments = []
+        for part in function[2].split(","):
+            arguments.append(part.strip())
     for each in (function[1] if function else text, *arguments):
         yield from name(each)
     if len(set(arguments)) < len(arguments):
