@@ -17,7 +17,7 @@ _ASSIGNED = re.compile(r"(v\d+) = ")
 
 
 def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
-    """Return the variables that hold components."""
+    """Name the variables of components."""
     names = []
     for i, c in enumerate(components):
         if c.name.isascii():
@@ -38,7 +38,7 @@ def indent(lines: Iterable[str], by: int = 1) -> list[str]:
 
 
 def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
-    """Return the statements without assignments that nothing reads."""
+    """Drop assignments that nothing reads."""
     used = set(_NAMES.findall(" ".join(results)))
     kept: list[str] = []
     for line in reversed(lines):
@@ -50,7 +50,7 @@ def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
 
 
 def literal(value: bool | int | float) -> str:
-    """Return a number as source; nan and the infinities go by name."""
+    """Write a number as source; nan and the infinities go by name."""
     if value < 0:
         return f"({value!r})"
     return repr(value)

@@ -120,7 +120,7 @@ class ReferenceRun:
 
 
 def random_actions(layout: SpaceLayout, rng: np.random.Generator) -> Array:
-    """Return an action for every lane, as Gymnasium has them: uniform, near 0 or their end where they have not both ends."""
+    """Draw an action for every lane, as Gymnasium has them: uniform, near 0 or their end where they lack an end."""
     (part,) = layout.parts
     low, high = np.array(layout.ends).reshape(-1, 2).T
     if part.is_whole:
@@ -133,7 +133,7 @@ def random_actions(layout: SpaceLayout, rng: np.random.Generator) -> Array:
 
 
 def difference(reference: ReferenceRun, program: str) -> str | None:
-    """Return how a program differs from the reference interpreter, in words; None where it does not.
+    """Describe how a program differs from the reference interpreter; None where it does not.
 
     Args:
         reference: the same steps in the interpreter.

@@ -108,7 +108,7 @@ class ArrayForm:
     _last: dict[int, int] = field(default_factory=dict)
 
     def emit(self, roots: Iterable[Node]) -> tuple[list[str], list[str]]:
-        """Return the statements for the roots, and the source of each root."""
+        """Write the statements for the roots, and the source of each root."""
         roots = tuple(roots)
         order = list(walk(roots))
         self._find_last_uses(order, roots)
@@ -130,11 +130,10 @@ class ArrayForm:
             self._last[self.owner(root)] = len(order)
 
     def owner(self, node: Node) -> int:
-        """Return the id of the node whose array holds the value of a node."""
+        """Id of the node whose array holds the value of a node."""
         return self._owner.get(id(node), id(node))
 
     def constant(self, value: Any) -> str:
-        """Return the name of a constant kept outside the function."""
         name = f"C{len(self.constants)}"
         self.constants[name] = value
         return name
@@ -186,7 +185,7 @@ class ArrayForm:
         return out
 
     def _operand(self, node: Node) -> str:
-        """Return the value of a node; a number as an array, since NumPy would make one of it in every call."""
+        """Source of an operand; a number is an array, since NumPy would make one of it in every call."""
         if not isinstance(node, Const) or not node.type.is_scalar:
             return self._values[id(node)]
         value = plain(node.value)
@@ -197,7 +196,7 @@ class ArrayForm:
         return self._numbers[key]
 
     def _buffer(self, node: Node, in_place: bool = True) -> str:
-        """Return where to write a value; `in_place` says that it may be an array which is read in the same call."""
+        """Choose a buffer for a value; `in_place` says that it may be an array which is read in the same call."""
         assert self.scratch is not None
         sink = self.sinks.get(id(node))
         if sink is not None and all(self._last.get(held, -1) < self._place + in_place for held in sink.held):
@@ -207,7 +206,7 @@ class ArrayForm:
         return name
 
     def _cast(self, node: Apply, arg: str) -> str:
-        """Return a wider kind; reals of what is drawn or read may have that kind already."""
+        """Write a cast to a wider kind; drawn and read reals may have that kind already."""
         if node.args[0].type.kind is node.type.kind:
             return arg
         if self.scratch is None:
@@ -273,14 +272,14 @@ class _LookupTable:
 
 
 def _shares_memory(node: Apply) -> bool:
-    """Return whether the value may be memory of the argument: views, casts to the same kind, sums of one element."""
+    """Test whether the value may be memory of the argument: views, casts to the same kind, sums of one element."""
     if node.op in _CASTS:
         return node.args[0].type.kind is node.type.kind
     return node.op in _VIEWS or (node.op in ("sum", "prod") and node.args[0].type.size == 1)
 
 
 def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[str, Any]:
-    """Return the constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
+    """Convert constants to arrays: (*shape, 1), so that they broadcast, or tables where marked."""
     made = {}
     for name, value in constants.items():
         match value:

@@ -47,7 +47,7 @@ QUICKEST = tuple(f"{name}-scan" if f"{name}-scan" in PROGRAMS else name for name
 
 
 def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
-    """Return the environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
+    """Make the environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
 
     Raises:
         SpecError: E713 for a backend that does not exist, E705 for one whose packages are not installed.
@@ -57,7 +57,7 @@ def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
 
 
 def choose(task: Task, backend: str) -> str:
-    """Return the backend of a name, which may be "auto"."""
+    """Look up a backend by its name, which may be "auto"."""
     if backend == "auto":
         return next(name for name in AUTOMATIC if installed(name) and suits(name, task))
     if backend not in BACKENDS:
@@ -71,18 +71,16 @@ def choose(task: Task, backend: str) -> str:
 
 
 def installed(backend: str) -> bool:
-    """Return whether the package that a backend needs can be imported."""
     needs = BACKENDS[backend].needs
     return needs is None or is_installed(needs)
 
 
 def suits(backend: str, task: Task) -> bool:
-    """Return whether a task suits an installed backend."""
     asked = BACKENDS[backend].suits
     return asked is None or _named(asked)(task)
 
 
 def _named(place: str) -> Any:
-    """Return the object at a place, `module:name`."""
+    """Import the object at a place, `module:name`."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

@@ -85,7 +85,7 @@ class LaneEmitter:
         return [self.values[id(root)] for root in roots]
 
     def finish(self, after: Sequence[str] = (), results: Iterable[str] = ()) -> list[str]:
-        """Return all statements, and those `after` them, without assignments that neither these nor the `results` read.
+        """List all statements, and those `after` them, without assignments that neither these nor the `results` read.
 
         Raises:
             AssertionError: when a statement is appended later, which would be lost.
@@ -102,19 +102,19 @@ class LaneEmitter:
         return f"v{self.fresh}"
 
     def assign(self, text: str) -> str:
-        """Return a name for an expression; atoms need none."""
+        """Assign an expression to a variable; atoms stay inline."""
         if _ATOM.fullmatch(text):
             return text
         return self.named(text)
 
     def named(self, text: str) -> str:
-        """Return a new name for an expression."""
+        """Assign an expression to a new variable."""
         name = self.name()
         self.append(f"{name} = {text}")
         return name
 
     def constant(self, value: Any) -> str:
-        """Return the name of a value that is kept outside the function; tuples of the same numbers are kept once."""
+        """Name a value that is kept outside the function; tuples of the same numbers are kept once."""
         for name, known in self.constants.items():
             if known is value:
                 return name
@@ -127,20 +127,20 @@ class LaneEmitter:
         return name
 
     def unpack(self, count: int, source: str) -> list[str]:
-        """Return new names for the elements of a sequence."""
+        """Unpack a sequence into new variables, one for each element."""
         names = [self.name() for _ in range(count)]
         self.append(f"{', '.join(names)}{',' * (count == 1)} = {source}")
         return names
 
     def atoms(self, node: Node) -> list[str]:
-        """Return one expression per element, row-major."""
+        """One expression per element, row-major."""
         value = self.values[id(node)]
         if value.atoms is None:
             value.atoms = self.unpack(node.type.size, str(value.packed))
         return value.atoms
 
     def packed(self, node: Node) -> str:
-        """Return the name of a flat sequence of the elements."""
+        """Variable of a flat sequence of the elements."""
         value = self.values[id(node)]
         if value.packed is None:
             value.packed = self.assign(tuple_of(self.atoms(node)))
@@ -150,13 +150,13 @@ class LaneEmitter:
         return self.atoms(node)[0]
 
     def scalar_of(self, node: Node) -> str:
-        """Return the name of a number that may not be a direct argument; it was emitted with the others."""
+        """Variable of a number that may not be a direct argument; it was emitted with the others."""
         value = self.values[id(node)]
         value.atoms = list(map(self.assign, self.atoms(node)))
         return value.atoms[0]
 
     def argument(self, draw: Draw) -> list[str]:
-        """Return the first argument of a draw, an expression for each of its elements."""
+        """First argument of a draw, an expression for each of its elements."""
         atoms = self.atoms(draw.args[0])
         if len(atoms) == 1:
             return atoms * draw.type.size
@@ -228,7 +228,7 @@ class LaneEmitter:
         return low > 0 or high < 0
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
-        """Return a template over arguments; one that is named twice gets a name of its own first."""
+        """Fill a template with arguments; one that is named twice gets a variable first."""
         named = list(args)
         for i, arg in enumerate(args):
             if template.count(f"{{{i}}}") > 1:
@@ -259,7 +259,7 @@ class LaneEmitter:
         return LaneValue([call])
 
     def _sorted(self, x: Node, signed: bool) -> list[str]:
-        """Return a sorting network (Batcher's odd-even merge sort); nan goes last."""
+        """Write a sorting network (Batcher's odd-even merge sort); nan goes last."""
         atoms = self.atoms(x)
         if signed and x.type.kind is Kind.REAL:  # of equals that can be told apart, a network keeps no order
             atoms = [f"({a} + 0.0)" for a in atoms]
@@ -354,7 +354,7 @@ def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
     if len(picked) == 1:
         return picked[0]
     if all(p.atoms is not None for p in picked):
-        atoms = []
+        atoms: list[str] = []
         for p in picked:
             atoms += p.atoms or ()
         return LaneValue(atoms)
@@ -362,7 +362,7 @@ def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
 
 
 def _row(lane: LaneEmitter, x: Node, index: str, row: int) -> LaneValue:
-    """Return one row of x: an expression when it is a single element; constants are kept outside the step."""
+    """One row of x: an expression when it is a single element; constants are kept outside the step."""
     if isinstance(x, Const):
         flat = x.numbers
     else:

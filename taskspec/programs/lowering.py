@@ -34,7 +34,7 @@ def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, 
 
 
 def _maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
-    """Return the wanted nodes inside (by id) that are roots or arguments of nodes outside, in the order of the roots."""
+    """Wanted nodes inside (by id) that are roots or arguments of nodes outside, in the order of the roots."""
     referred = list(roots)
     for node in walk(roots):
         if not inside[id(node)]:
@@ -47,7 +47,7 @@ def _maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[N
 
 
 def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
-    """Return the largest free nodes that hold a draw."""
+    """Largest free nodes that contain a draw."""
     drawless = everywhere(roots, lambda node: not isinstance(node, Draw))
     return _maximal(roots, free, lambda node: not drawless[id(node)])
 
@@ -91,7 +91,7 @@ class Invariants:
         return cls(nodes, _at_reset(b, task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
     def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
-        """Return roots that read the variables instead of computing the invariants."""
+        """Read the variables instead of computing the invariants."""
         variables: dict[int, Node] = {}
         for node, name in zip(self.nodes, self.names, strict=True):
             variables[id(node)] = b.read(Role.VARIABLE, name, node.type)
@@ -107,7 +107,7 @@ WIDE = 32
 
 
 def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
-    """Return wide components that no step changes and no root reads: they are not kept, since a reset can be replayed.
+    """Wide components that no step changes and no root reads: they are not kept, since a reset can be replayed.
 
     `roots` are those of a step; that a component is its own next value does not count.
     """
@@ -126,7 +126,7 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
 
 
 def frozen_components(task: Task) -> frozenset[str]:
-    """Return names of the state components that no step changes."""
+    """Names of the state components that no step changes."""
     pairs = zip(task.state, task.process.next, strict=True)
     frozen = set()
     for c, n in pairs:
@@ -177,7 +177,7 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
 
 
 def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ...]:
-    """Return roots with finite draws of known probabilities as comparisons of words with thresholds.
+    """Replace finite draws of known probabilities by comparisons of words with thresholds.
 
     A word is read as the int variable of `word_names`, less `bias` (2**31 where ints have 32 bits).
     """
@@ -214,7 +214,7 @@ CELLS = 8192
 
 
 def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Node, ...]:
-    """Return roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
+    """Replace the largest scalar parts over at most `cells` combinations of finite reads by look-ups."""
     roots = folded(b, roots)
     finite: dict[int, frozenset[Read] | None] = {}
     for node in walk(roots):
@@ -246,7 +246,7 @@ def _operations(node: Node) -> int:
 
 
 def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: int) -> frozenset[Read] | None:
-    """Return the reads below a node; None where they have too many values, or something is drawn."""
+    """List the reads below a node; None where they have too many values, or something is drawn."""
     if isinstance(node, Draw):
         return None
     if isinstance(node, Read):
@@ -274,7 +274,7 @@ def _count(read: Read) -> float:
 
 
 def _table(b: Builder, node: Node, variables: frozenset[Read]) -> Node:
-    """Return a node as a look-up; the reads are the digits of the place, the last one fastest."""
+    """Write a node as a look-up; the reads are the digits of the place, the last one fastest."""
     reads = sorted(variables, key=lambda r: (r.role.value, r.name))
     counts = [int(_count(r)) for r in reads]
     places = np.indices(counts).reshape(len(reads), -1)
@@ -296,7 +296,7 @@ def _table(b: Builder, node: Node, variables: frozenset[Read]) -> Node:
 
 
 def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
-    """Return roots with operations on looked-up elements applied to the constant table."""
+    """Apply operations on looked-up elements to the constant table."""
     done: dict[int, Node] = {}
     for node in walk(roots):
         args = tuple(done[id(c)] for c in children(node))

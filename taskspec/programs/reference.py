@@ -35,7 +35,7 @@ class ReferenceProgram:
         self.measures: dict[str, float] = {}
 
     def reset(self) -> list[Flat]:
-        """Return the first observation of the next episode."""
+        """First observation of the next episode."""
         layout = self.task.reset_words
         words = draws.words(self.seed, draws.RESET, self.episode, layout.count)
         values = evaluate(self.task.reset_roots, {}, sampler(layout, words))
@@ -45,7 +45,7 @@ class ReferenceProgram:
         return values[len(self.task.state) :]
 
     def step(self, action: Sequence[Flat]) -> tuple[list[Flat], float, bool, bool]:
-        """Return observation, reward, terminated, truncated of a step."""
+        """Observation, reward, terminated, truncated of a step."""
         task = self.task
         reads = {}
         for c, value in zip(task.state, self.state, strict=True):
@@ -69,7 +69,7 @@ class ReferenceProgram:
         return values[first:], float(reward), terminated, truncated
 
     def mask(self) -> list[int]:
-        """Return the legal actions of the present state, 1 or 0 for each; for a task with `legal`."""
+        """Legal actions of the present state, 1 or 0 for each; for a task with `legal`."""
         reads = {c.read: value for c, value in zip(self.task.state, self.state, strict=True)}
         (legal,) = evaluate(self.task.mask, reads)
         return list(map(int, legal))

@@ -40,7 +40,7 @@ class Values:
         return cls(layout, tuple(parts))
 
     def view(self, copy: bool = False) -> Any:
-        """Return the values with the lanes first, as Gymnasium's batched space has them: in this memory, or copied."""
+        """View the values with the lanes first, as Gymnasium's batched space has them: in this memory, or copied."""
         shown = []
         for part in self.parts:
             array = part.copy() if copy else part
@@ -51,7 +51,7 @@ class Values:
         return {part.name: array for part, array in zip(self.layout.parts, shown, strict=True)}
 
     def segments(self) -> list[Array]:
-        """Return the arrays of the layout's segments, in this memory: (*shape, lanes) of the component, or a row a value."""
+        """Arrays of the layout's segments, in this memory: (*shape, lanes) of the component, or a row a value."""
         arrays = []
         for segment in self.layout.segments:
             raw = self.parts[segment.part]
@@ -111,13 +111,13 @@ class Buffers:
         return len(self.seeds)
 
     def arrays(self) -> list[Array]:
-        """Return all arrays, in a fixed order."""
+        """List all arrays, in a fixed order."""
         listed: list[Array] = []
         self._mapped(listed.append)
         return listed
 
     def part(self, lanes: slice) -> Buffers:
-        """Return a range of the lanes, sharing memory."""
+        """Slice a range of the lanes, sharing memory."""
         return Buffers(**self._mapped(lambda array: array[..., lanes]))
 
     def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
@@ -141,7 +141,7 @@ Reader = Callable[[Any], tuple[Array, ...]]
 
 
 def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
-    """Return actions as an array (lanes, *shape); reals are refused for whole numbers, as `MultiDiscrete.contains` does.
+    """Convert actions to an array (lanes, *shape); reals are refused for whole numbers, as `MultiDiscrete.contains` does.
 
     Raises:
         BadActionError: wrong shape or kind of numbers.
@@ -154,7 +154,7 @@ def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
 
 
 def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    """Make the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
     (part,) = layout.parts
     if part.shape or not part.is_whole:
         return _array_reader(task, layout, lanes)

@@ -44,7 +44,7 @@ def select(
     scope: Scope,
     want: Domain | None,
 ) -> Value:
-    """Return the first branch whose condition holds; one that parameters exclude may be without a value."""
+    """Choose the first branch whose condition holds; a branch that parameters exclude may be without a value."""
     conditions = checker.each(checker.condition, [(condition, scope) for condition, _ in branches])
     exprs = [*(e for _, e in branches), otherwise]
     decided = False  # by conditions that are known once parameters are
@@ -76,7 +76,7 @@ def select(
 
 
 def _branch(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None, excluded: bool) -> Value | None:
-    """Return a value; None for an excluded one that has none, and draws nothing that would take random words."""
+    """Value of a branch; None for an excluded one that is broken, and has no draws that would take random words."""
     if not excluded:
         return checker.value(expr, scope, want)
     with checker.lenient(), checker.builder.written() as made:
@@ -106,7 +106,6 @@ def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) ->
 
 
 def alternative_values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
-    """Return the values of alternatives."""
     domains = wanted(exprs, scope, want)
     jobs = []
     for e, domain in zip(exprs, domains, strict=True):
@@ -115,7 +114,7 @@ def alternative_values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Sco
 
 
 def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Domain | None]:
-    """Return the domain in which each of several alternatives finds its labels.
+    """Domain in which each of several alternatives looks up its labels.
 
     That is `want`, if something is wanted; else bare labels mean what the first component among the others makes of them.
     """
@@ -134,7 +133,6 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
 
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
-    """Return the domain of a choice that is named."""
     if isinstance(expr, s.Name):
         binding = scope.lookup(expr.written)
         if isinstance(binding, Value | Lazy):
@@ -149,7 +147,7 @@ def may_be_label(expr: s.Expr, scope: Scope) -> bool:
 def unify(
     checker: BaseChecker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
 ) -> tuple[list[Node], Domain | None]:
-    """Return nodes of alternatives that can replace each other: all of one choice, or all numbers.
+    """Convert alternatives so that they can replace each other: all of one choice, or all numbers.
 
     Beside numbers, labels of another choice than is wanted are refused (E306): as numbers they would pass for its positions.
     """
@@ -201,7 +199,7 @@ _Cell = list[tuple[Value, s.Expr, Node]]
 
 
 def weighted(checker: BaseChecker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
-    """Return a value drawn with the probabilities written beside each."""
+    """Draw one of several values, with the probabilities written beside them."""
     values, exprs, p = zip(*_outcomes(checker, expr, scope, want), strict=True)
     nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
@@ -266,7 +264,7 @@ _Keys = Sequence[tuple[_Key, ...]]
 
 
 def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
-    """Return the value of the first row that matches."""
+    """Build the value of a decision table: the first row that matches."""
     columns = checker.each(_column, [(checker, e, scope) for e in expr.by])
     if scope.draws is None:
         checker.each(_refuse_unclear, [(checker, row, columns[1:], scope, want) for row in expr.rows])
@@ -356,7 +354,7 @@ def _written(part: s.Expr | tuple[s.TableRow, ...] | None) -> str:
 
 
 def _probabilities(checker: BaseChecker, rows: Sequence[s.TableRow], scope: Scope) -> list[Fraction | float]:
-    """Return the cells of several rows where they are constants that sum to 1, as the probabilities of a draw do; else none."""
+    """Weights of several rows if they are constants that sum to 1, as probabilities of a draw do; else none."""
     weights: list[Any] = []
     total: Any = 0
     for row in rows:
@@ -407,7 +405,7 @@ def _may_be_drawn(
 def _leaves(
     checker: BaseChecker, rows: Sequence[s.TableRow], columns: Sequence[_Column], scope: Scope
 ) -> list[tuple[tuple[_Key, ...], s.Expr]]:
-    """Return cells with their keys, in written order; a cell that stops early spans the columns left."""
+    """List cells with their keys, in written order; a cell that stops early spans the columns left."""
     if not columns:
         cell = next(s.cells(rows))
         checker.fail("E307", cell, "this table has more levels of rows than names in `by`")
@@ -476,10 +474,9 @@ class _Table:
         rows = {}
         for n in reversed(self.order):
             rows[self.keys[n]] = n
-        masks = []
+        masks: dict[tuple[bool, ...], None] = {}  # a set in order
         for n in self.order:
-            masks.append(tuple(k is None for k in self.keys[n]))
-        masks = dict.fromkeys(masks)
+            masks[tuple(k is None for k in self.keys[n])] = None
         grid = []
         for values in itertools.product(*(c.values or () for c in self.columns)):
             cell = _matching(rows, masks, values)
@@ -497,7 +494,7 @@ class _Table:
         return grid
 
     def _gap(self, expr: s.Table, values: tuple[int, ...]) -> s.Place:
-        """Return the place of the innermost rows that lack one for some values: their key, or that of the whole table."""
+        """Place of the innermost rows that lack one for some values: their key, or the key of the whole table."""
         place = expr.place
         rows = expr.rows
         start = 0
@@ -520,7 +517,7 @@ class _Table:
         return place
 
     def look_up(self, cells: Sequence[Node]) -> Node:
-        """Return the cell of the present row: a look-up in a constant array where possible, else a chain of selects."""
+        """Look up the cell of the present row: in a constant array where possible, else by a chain of selects."""
         b = self.builder
         if self.grid is not None:
             if all(c is cells[0] for c in cells):
@@ -572,15 +569,12 @@ def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
 def _matching(
     rows: Mapping[tuple[_Key, ...], int], masks: Iterable[tuple[bool, ...]], values: tuple[int, ...]
 ) -> int | None:
-    """Return the row for values of the columns, under the first mask of columns that it may span; None where there is none."""
+    """Row for values of the columns, under the first mask of columns that it may span."""
     for mask in masks:
-        key = []
-        for spans, v in zip(mask, values, strict=True):
+        key: list[_Key] = list(values)
+        for column, spans in enumerate(mask):
             if spans:
-                key.append(None)
-            else:
-                key.append(v)
-        key = tuple(key)
-        if key in rows:
-            return rows[key]
+                key[column] = None
+        if tuple(key) in rows:
+            return rows[tuple(key)]
     return None

@@ -25,7 +25,7 @@ UNSORTED = 16
 
 @cache
 def network(n: int) -> list[tuple[int, int]]:
-    """Return the comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
+    """List the comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
     pairs = []
     t = max(1, (n - 1).bit_length())
     p = 1 << (t - 1)
@@ -61,7 +61,7 @@ class Runtime:
         return self.xp.asarray(x).astype(self.real)
 
     def to_int(self, x: AnyArray) -> AnyArray:
-        """Return a whole-numbered real as an int: saturating, nan as 0. The clamp is a hair wider, for float32."""
+        """Convert whole-numbered reals to ints: saturating, nan to 0. The clamp is a hair wider, for float32."""
         xp = self.xp
         inside = xp.clip(xp.where(xp.isnan(x), 0, x), -INT_MAX, INT_MAX)
         if self.real != xp.float32:
@@ -98,7 +98,7 @@ class Runtime:
         return self.xp.power(a, b + self.xp.zeros_like(a))
 
     def min2(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        """Return the first of equals; `fmin` gives either 0.0 or -0.0 of the two."""
+        """Take the first of equals; `fmin` takes either of 0.0 and -0.0."""
         return self.xp.where((a <= b) | (b != b), a, b)
 
     def max2(self, a: AnyArray, b: AnyArray) -> AnyArray:
@@ -111,7 +111,7 @@ class Runtime:
     # -- reductions over all elements of each lane ----------------------------------------------------------------
 
     def rows(self, x: AnyArray) -> AnyArray:
-        """Return one row for every element."""
+        """Flatten all axes but the lanes."""
         return x.reshape(-1, x.shape[-1])
 
     def sum(self, x: AnyArray) -> AnyArray:
@@ -138,7 +138,7 @@ class Runtime:
         return self._best(self.rows(x), -1)
 
     def _best(self, rows: AnyArray, direction: int) -> AnyArray:
-        """Return index of the first best number; of the first element where every element is nan."""
+        """Index of the first best number; of the first element where every element is nan."""
         xp = self.xp
         if direction > 0:
             best = xp.argmin
@@ -178,7 +178,7 @@ class Runtime:
         return self.xp.stack(rows)
 
     def without_sign(self, x: AnyArray) -> AnyArray:
-        """Return the numbers with 0.0 for -0.0. A sum with 0.0 would do, but XLA takes it for the number itself."""
+        """Replace -0.0 by 0.0. Adding 0.0 would do, but XLA leaves the number as it is."""
         if x.dtype.kind in "iub":
             return x
         return self.xp.where(x == 0, 0.0, x)
@@ -197,7 +197,7 @@ class Runtime:
         return self.xp.stack(parts)
 
     def fill(self, x: AnyArray, shape: tuple[int, ...]) -> AnyArray:
-        """Return a scalar of every lane in each place of a shape."""
+        """Repeat a scalar of every lane in each place of a shape."""
         return self.xp.broadcast_to(x, (*shape, self.xp.asarray(x).shape[-1]))
 
     def concat(self, *parts: AnyArray) -> AnyArray:
@@ -205,7 +205,7 @@ class Runtime:
         return self.xp.concatenate([self.xp.broadcast_to(p, (*p.shape[:-1], lanes)) for p in parts])
 
     def index(self, x: AnyArray, i: AnyArray) -> AnyArray:
-        """Return rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        """Pick rows of x (n, ..., N) at the indices i (..., N) of each lane."""
         xp = self.xp
         if x.shape[-1] == 1:
             picked = xp.take(x[..., 0], i, axis=0)  # (*i.shape, *row)
@@ -238,7 +238,7 @@ RUNTIME = Runtime(np, np.int64, np.float64)
 
 @lru_cache(maxsize=4096)
 def array(node: Const) -> Array:
-    """Return a constant as a read-only array with a batch axis of one."""
+    """Convert a constant to a read-only array (*shape, 1)."""
     values = list(map(plain, node.flat)) if node.type.kind is Kind.REAL else node.flat
     made = np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
     made.setflags(write=False)
@@ -326,7 +326,7 @@ def _operation(node: Apply) -> Callable[..., Array]:
 
 @cache
 def function(op: str, kind: Kind) -> Callable[..., Any]:
-    """Return the array form of an operator as a function of (xp, rt, *arguments)."""
+    """Compile the array form of an operator: a function of (xp, rt, *arguments)."""
     entry = OPERATORS[op]
     form = entry.array
     template = form.template

@@ -38,7 +38,7 @@ def _has_float(flats: Iterable[Flat]) -> bool:
 
 
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
-    """Return the elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
+    """Compute an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
     reals = []
@@ -120,7 +120,7 @@ class Builder:
 
     @classmethod
     def of(cls, roots: Iterable[Expression]) -> Builder:
-        """Return a builder that knows the nodes below some roots: what equals one of them is that one, and new draws come later.
+        """Make a builder that knows the nodes below some roots: equal nodes are shared, new draws come later.
 
         The limit on operations of a build does not hold for what is made from a task.
         """
@@ -135,7 +135,7 @@ class Builder:
     # -- leaves ---------------------------------------------------------------------------------------------------
 
     def const(self, value: Any, type: Type) -> Const:
-        """Return a constant; `value` is a scalar, or a flat row-major sequence for a vector."""
+        """Make a constant; `value` is a scalar, or a flat row-major sequence for a vector."""
         if type.is_scalar:
             flat = (value,)
         else:
@@ -151,11 +151,11 @@ class Builder:
         return self._intern(Const(items[0] if type.is_scalar else items, type))
 
     def constant(self, flat: Sequence[Any], type: Type) -> Const:
-        """Return a constant from its elements, a single one for a scalar."""
+        """Make a constant from its elements, a single one for a scalar."""
         return self.const(flat[0] if type.is_scalar else flat, type)
 
     def scalar(self, value: Any) -> Const:
-        """Return a Python number as a constant of its own kind."""
+        """Make a constant of a Python number, of its own kind."""
         if isinstance(value, int) and not isinstance(value, bool):
             if value not in self._ints:
                 self._ints[value] = self.const(value, INT)
@@ -163,13 +163,13 @@ class Builder:
         return self.const(value, BOOL if isinstance(value, bool) else REAL)
 
     def read(self, role: Role, name: str, type: Type, low: float = -INF, high: float = INF) -> Node:
-        """Return the present value of something; nothing is left to read of what has no elements."""
+        """Make a read of the present value of something; without elements there is nothing to read."""
         if not type.size:
             return self.const((), type)
         return self._intern(Read(role, name, type, low, high))
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
-        """Return a new draw: never shared with another."""
+        """Make a new draw, never shared with another."""
         self.check_size(type.shape)
         if not type.size:
             return self.const((), type)  # which takes no words
@@ -195,14 +195,14 @@ class Builder:
                 self.name_draws(draws.values())
 
     def name_draws(self, draws: Iterable[Draw]) -> None:
-        """Count draws as written here: new ones, or those of a noise that is named."""
+        """Count draws as written here: new ones, and draws of a noise that is named."""
         if self._written:
             self._written[-1].update((d.site, d) for d in draws)
 
     # -- operators ------------------------------------------------------------------------------------------------
 
     def apply(self, name: str, *args: Node) -> Node:
-        """Return an operator of the table on arguments of any kind that promotes."""
+        """Apply an operator of the table to arguments of any kind that promotes."""
         key = (name, (), *map(id, args))
         if key in self._folded:
             return self._folded[key]
@@ -228,7 +228,7 @@ class Builder:
         return self._identity(name, args, result) or self._intern(Apply(name, args, result))
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
-        """Return an operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
+        """Apply an operator that only moves elements; elements of mixed kinds are promoted."""
         key = (name, static, *map(id, args))
         if key in self._folded:
             return self._folded[key]
@@ -249,7 +249,7 @@ class Builder:
         return self._rearranged(name, args, static) or self._intern(Apply(name, tuple(args), result, static))
 
     def cast(self, node: Node, kind: Kind) -> Node:
-        """Return the node promoted to a kind (never demoted)."""
+        """Promote a node to a kind; never demote it."""
         if node.type.kind >= kind:
             return node
         if isinstance(node, Const):
@@ -257,13 +257,13 @@ class Builder:
         return self._intern(Apply(f"to_{kind}", (node,), Type(kind, node.type.shape)))
 
     def _operand(self, node: Node, kind: Kind) -> Node:
-        """Return the same for an operand: a whole number among reals stays exact, as a fraction does."""
+        """Promote an operand: a whole number among reals stays exact, as a fraction does."""
         if isinstance(node, Const) and kind is Kind.REAL > node.type.kind:
             return self.constant(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
         return self.cast(node, kind)
 
     def held(self, node: Node) -> Node:
-        """Return the node as a component holds it: fractions that make up its value are floats."""
+        """Convert a node to the value that a component holds: fractions in it become floats."""
         replacements: dict[int, Node] = {}
         for part in walk([node]):
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
@@ -273,13 +273,13 @@ class Builder:
         return rewrite([node], replacements, self.remake)[0]
 
     def stretch(self, node: Node, shape: Shape) -> Node:
-        """Return a scalar filled to a shape; anything else as it is."""
+        """Fill a scalar to a shape; leave anything else as it is."""
         if node.type.shape == shape or not node.type.is_scalar:
             return node
         return self.structure("fill", [node], shape)
 
     def within(self, node: Node, low: float, high: float) -> Node:
-        """Return an int moved to the nearest of low, ..., high, if it might be none of them; refused where there are none."""
+        """Clamp an int to low, ..., high, if it might be none of them; refused where there are none."""
         if low > high and node.type.size:
             raise NoElement
         least, most = self.certain(node)
@@ -290,7 +290,7 @@ class Builder:
         return node
 
     def position(self, index: Node, length: int) -> Node:
-        """Return an index (int) brought into range(length): a constant counts from the end when it is negative."""
+        """Bring an index (int) into range(length): a negative constant counts from the end."""
         if isinstance(index, Const):
             index = self.constant([i + length * (i < 0) for i in index.flat], index.type)
         return self.within(index, 0, length - 1)
@@ -309,19 +309,18 @@ class Builder:
         return self.apply("div", self.scalar(1), product)
 
     def bounds(self, node: Node) -> Interval:
-        """Return an interval that holds every element of the node's value, in float64."""
+        """Interval that holds every element of the node's value, in float64."""
         return interval.bounds(node, self._ranges)
 
     def finite(self, node: Node) -> bool:
-        """Return whether bounds prove that every element is always a finite number."""
         return interval.ranges(node, self._ranges).finite
 
     def certain(self, node: Node) -> Interval:
-        """Return an interval that holds on every backend, however reals are rounded: what index clamps may be dropped for."""
+        """Interval that holds on every backend, however reals are rounded: index clamps outside of it may be dropped."""
         return interval.certain(node, self._certain)
 
     def remake(self, node: Node, args: tuple[Node, ...]) -> Node:
-        """Return the same node over other arguments (`ir.rewrite`)."""
+        """Rebuild a node over other arguments (`ir.rewrite`)."""
         match node:
             case Apply(op=op, static=static):
                 if op in OPERATORS:
@@ -335,7 +334,7 @@ class Builder:
     def substitute(
         self, roots: Iterable[Expression], values: Mapping[tuple[Role, str], Expression], late: bool = True
     ) -> tuple[Node, ...]:
-        """Return nodes with values in the place of the reads that have one, by role and name.
+        """Replace reads by values, by role and name.
 
         The values are `late` where they are only known at run time, as those of a step are (`remake_late`).
         """
@@ -361,13 +360,13 @@ class Builder:
     # -- how ------------------------------------------------------------------------------------------------------
 
     def _kept(self, key: Any, args: Sequence[Node], result: Node) -> Node:
-        """Return the result of an operation; of one on constants it is kept, as comprehensions ask for the same over and over."""
+        """Remember the result of an operation on constants: comprehensions ask for the same over and over."""
         if isinstance(result, Const) and are_constant(args):
             self._folded[key] = result
         return result
 
     def _intern(self, node: N) -> N:
-        """Return the node that equals a new one; the new one itself where there is none."""
+        """Share equal nodes: the known one, or else the new one."""
         key = _key(node)
         known = self._nodes.get(key)
         if known is None:
@@ -428,7 +427,7 @@ class Builder:
         return None
 
     def _decided(self, strict: bool, a: Node, b: Node) -> Node | None:
-        """Return `a < b`, or `a <= b`, where the bounds of both already settle it."""
+        """Decide `a < b`, or `a <= b`, where the bounds of both settle it."""
         a_low, a_high = self.certain(a)
         b_low, b_high = self.certain(b)
         if a_high < b_low or (a_high == b_low and not strict):

@@ -40,12 +40,10 @@ NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 
 
 def is_function(name: str) -> bool:
-    """Return whether the language itself has a function or distribution of this name."""
     return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in FOLDS
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
-    """Return the value of a call."""
     binding = scope.lookup(expr.function)
     if isinstance(binding, FunctionDef):
         return _own(checker, binding, expr, scope, want)
@@ -100,7 +98,7 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
 
 
 def _keyword(name: str, value: s.Expr) -> s.Place:
-    """Return the place of the name before `=`, which stands directly before its value."""
+    """Place of the name before `=`, which stands directly before its value."""
     start = value.place.text.value.rfind(name, 0, value.place.start)
     if start >= 0:
         return s.Place(value.place.text, start, start + len(name))
@@ -221,7 +219,7 @@ def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain
 
 
 def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
-    """Return arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
+    """Check and complete the arguments of a distribution: by name, with the shape of the draw."""
     given, shape = _given(checker, dist, expr, scope)
     nodes = dict(zip(given, checker.numerics(given.values(), scope), strict=True))
     for argument in dist.arguments:
@@ -281,7 +279,7 @@ def _given(
 
 
 def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
-    """Return a shape: a constant int or a short vector of them."""
+    """Read a shape: a constant int or a short vector of them."""
     node = checker.constant(expr, scope, "a shape")
     if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
         checker.fail("E306", expr, "a shape is an int or a list of a few ints")
@@ -351,7 +349,7 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
 
 
 def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
-    """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
+    """Pick a block of a matrix by several indices, an axis for each slice: elements of its rows laid end to end."""
     b = checker.builder
     axes = node.type.shape[: len(expr.indices)]
     jobs = []
@@ -375,7 +373,7 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
 
 
 def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: Scope) -> Node:
-    """Return where an index points along one axis: a number, or the numbers of a slice."""
+    """Places of an index along one axis: a number, or the numbers of a slice."""
     if not isinstance(index, s.Slice):
         return _index(checker, index, length, scope)
     chosen = _slice_range(checker, index, length, scope)
@@ -434,7 +432,7 @@ def _index_of_axis(checker: BaseChecker, index: Node, length: int, expr: s.Expr,
 
 
 def _moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
-    """Return an index moved to the nearest end of a vector if it lies outside; kept for the warnings."""
+    """Clamp an index to the ends of a vector; recorded for the warnings."""
     if any(role is Role.PARAMETER for role, _ in reads([index])):  # a known one would count from the end
         checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
     clamped = checker.builder.within(index, 0, length - 1)

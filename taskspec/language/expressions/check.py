@@ -28,7 +28,7 @@ _PRIMES = (
 
 
 def truth_hint(word: str) -> Advice | None:
-    """Return what to write for a truth value of other formats."""
+    """Suggest `true` or `false` for a truth value of other formats."""
     truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(word.lower())
     if truth is None:
         return None

@@ -44,7 +44,7 @@ TAIL = 0.02425
 
 
 def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
-    """Return a standard normal between `low` and `high`, from a uniform number."""
+    """Truncate a standard normal: between `low` and `high`, from a uniform number."""
     mirrored = b.apply("lt", b.scalar(0.0), b.apply("add", low, high))
     left = b.apply("where", mirrored, b.apply("neg", high), low)
     right = b.apply("where", mirrored, b.apply("neg", low), high)
@@ -171,7 +171,7 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return one more than an index drawn with the probabilities of failures; the last one collects all rarer than RARE."""
+    """Draw an index with the probabilities of failures, plus one; the last one collects all rarer than RARE."""
     p = b.cast(a["p"], Kind.REAL)
     if isinstance(p, Const):
         least = min(map(float, p.flat), default=1.0)
@@ -259,7 +259,7 @@ def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _counts(b: Builder, n: int, p: Node) -> Node:
-    """Return the probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
+    """Probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
     type_ = Type(Kind.REAL, (n + 1,))
     ways = [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
@@ -274,7 +274,7 @@ def _counts(b: Builder, n: int, p: Node) -> Node:
 
 
 def _row(b: Builder, values: list[Fraction], exact: bool) -> Node:
-    """Return probabilities as a constant; floats where they are not `exact`, or have very many digits."""
+    """Constant of probabilities; floats where they are not `exact`, or have very many digits."""
     type_ = Type(Kind.REAL, (len(values),))
     if exact and all(v.denominator.bit_length() <= Limits.bits for v in values):
         return b.const(values, type_)

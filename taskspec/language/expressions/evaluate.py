@@ -54,7 +54,7 @@ def evaluate(
 
 
 def apply_flat(name: str, args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...], result: Type) -> Flat:
-    """Return one operator on flat values; elementwise operators stretch scalars."""
+    """Compute one operator on flat values; elementwise operators stretch scalars."""
     if name in STRUCTURES:
         return STRUCTURES[name].reference(args, types, static)
     op = OPERATORS[name]

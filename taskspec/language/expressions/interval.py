@@ -36,12 +36,12 @@ from taskspec.language.expressions.variates import VARIATES
 
 
 def bounds(root: Expression, known: dict[int, Range]) -> Interval:
-    """Return bounds of a node; `known` (by node id) carries results from call to call."""
+    """Bounds of a node; `known` (by node id) carries results from call to call."""
     return ranges(root, known)[:2]
 
 
 def ranges(root: Expression, known: dict[int, Range], rule: Callable[[Node, Args], Range] | None = None) -> Range:
-    """Return what is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
+    """Range of a node, worked out bottom-up by `rule` (`step` unless it is given)."""
     rule = rule or step
     if id(root) not in known:
         for node in walk([root], known):
@@ -50,7 +50,7 @@ def ranges(root: Expression, known: dict[int, Range], rule: Callable[[Node, Args
 
 
 def step(node: Node, args: Args) -> Range:
-    """Return what is known of a node from what is known of its arguments."""
+    """Range of a node from the ranges of its arguments."""
     match node:
         case Const():
             return _constant(node)
@@ -71,7 +71,7 @@ def step(node: Node, args: Args) -> Range:
 
 
 def certain(root: Node, known: dict[int, Range]) -> Interval:
-    """Return bounds that integer arithmetic alone gives: nothing is known of a real, nor of an int that may leave 64 bits."""
+    """Bounds by integer arithmetic alone: nothing is known of a real, nor of an int that may leave 64 bits."""
     return ranges(root, known, _certain_step)[:2]
 
 
@@ -80,7 +80,7 @@ SINGLE = 2.0**-21
 
 
 def single(root: Node) -> Interval:
-    """Return bounds that hold in single floats as well, which JAX computes in."""
+    """Bounds that hold in single floats as well, in which JAX computes."""
     return ranges(root, {}, single_step)[:2]
 
 
@@ -102,7 +102,7 @@ def single_step(node: Node, args: Args) -> Range:
 
 
 def rounded(edges: Range) -> Range:
-    """Return what is known of reals once they are single floats; rounding keeps their order."""
+    """Round a range of reals to single floats; rounding keeps their order."""
     with np.errstate(over="ignore"):
         return edges._replace(low=float(np.float32(edges.low)), high=float(np.float32(edges.high)))
 
@@ -150,7 +150,7 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
 
 @lru_cache(maxsize=4096)
 def _constant(node: Const) -> Range:
-    """Return what is known of a constant; kept, as tables are asked about often and may have a million elements."""
+    """Range of a constant; cached, as tables are asked about often and may have a million elements."""
     if not node.type.size:
         return Range(*_tidy((0, 0), node.type.kind))
     if node.type.kind is not Kind.REAL:
@@ -178,7 +178,7 @@ class NormalForms:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def all(self, roots: Iterable[Expression], order: Sequence[Draw] | None = None) -> list[int]:
-        """Return the forms of some nodes; `order` ranks the draws that may occur in them."""
+        """Give numbers to the forms of some nodes; `order` ranks the draws that may occur in them."""
         roots = list(roots)
         rank = {}
         for i, d in enumerate(draws(roots) if order is None else order):
@@ -220,7 +220,7 @@ def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple
 
 
 def _number(value: Any) -> str:
-    """Return a constant; a fraction and a float of the same value are one, 0 and -0 are two."""
+    """Text of a constant's number; a fraction and a float of the same value are one, 0 and -0 are two."""
     if isinstance(value, Fraction) and abs(value) < 2**1000 and value == float(value):
         value = float(value)
     return repr(value)

@@ -99,7 +99,7 @@ def walk(roots: Iterable[Expression], known: Container[int] = frozenset()) -> It
 
 
 def draws(roots: Iterable[Expression]) -> tuple[Draw, ...]:
-    """Return the draws below the roots, by site, except that those which others depend on come before them."""
+    """Draws below the roots, by site, except that draws come before others that depend on them."""
     by_site = {}
     for n in walk(roots):
         if isinstance(n, Draw):
@@ -111,7 +111,6 @@ def draws(roots: Iterable[Expression]) -> tuple[Draw, ...]:
 
 
 def draw_sites(roots: Iterable[Expression]) -> set[int]:
-    """Return the sites of all draws below the roots."""
     return {draw.site for draw in draws(roots)}
 
 
@@ -124,12 +123,10 @@ def reads(roots: Iterable[Expression]) -> frozenset[tuple[Role, str]]:
 
 
 def are_constant(nodes: Iterable[Node]) -> bool:
-    """Return whether all nodes are constants."""
     return all(isinstance(node, Const) for node in nodes)
 
 
 def have_one_shape(nodes: Iterable[Node]) -> bool:
-    """Return whether no two nodes have different shapes."""
     return len({node.type.shape for node in nodes}) < 2
 
 
@@ -138,7 +135,7 @@ Remake = Callable[[Node, tuple[Node, ...]], Node]
 
 
 def rewrite(roots: Iterable[Expression], replacements: Mapping[int, Node], remake: Remake) -> tuple[Node, ...]:
-    """Return roots with the nodes that have a replacement, by id, replaced, and others rebuilt bottom-up by `remake`."""
+    """Replace nodes by id, and rebuild all that use them bottom-up by `remake`."""
     roots = tuple(roots)
     done: dict[int, Node] = {}
     for node in walk(roots):
@@ -154,7 +151,7 @@ def rewrite(roots: Iterable[Expression], replacements: Mapping[int, Node], remak
 
 
 def exact(value: Any, kind: Kind) -> Any:
-    """Return a scalar as the Python number of its kind; Fractions stay exact."""
+    """Convert a scalar to the Python number of its kind; Fractions stay exact."""
     if kind is Kind.BOOL:
         return bool(value)
     if kind is Kind.INT:
@@ -163,7 +160,7 @@ def exact(value: Any, kind: Kind) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return a constant's scalar as a bool, int or float: what leaves the compiler."""
+    """Convert a constant's scalar to a bool, int or float, which leave the compiler."""
     if type(value) is Fraction:
         return float(value)
     return value

@@ -175,7 +175,7 @@ FOREIGN: Mapping[str, str] = {
 
 
 def advice(name: str, arguments: int) -> str | None:
-    """Return what to write for a function of another language that is given so many arguments; None if nothing is known of it."""
+    """Suggest a form for a function of another language that has so many arguments."""
     entry = FOREIGN.get(name.lower())
     if entry is None:
         return None
@@ -244,7 +244,7 @@ def _parse(text: s.SourceText) -> s.Expr:
 
 @lru_cache(maxsize=4096)
 def _python(value: str, most: int) -> tuple[str, ast.expr]:
-    """Return a text as Python reads it, and its tree; between two keystrokes nearly all texts of a spec stay the same."""
+    """Parse a text by Python's grammar; cached: between two keystrokes nearly all texts of a spec stay the same."""
     source = _prepare(value, most)
     try:
         with warnings.catch_warnings():
@@ -398,8 +398,7 @@ class _Reader:
                 rest = []
                 for o, x in zip(ops, others, strict=True):
                     rest.append((_COMPARE[type(o)], self.expr(x)))
-                rest = tuple(rest)
-                return s.Compare(self.expr(left), rest, place)
+                return s.Compare(self.expr(left), tuple(rest), place)
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 return s.IfElse(self.expr(test), self.expr(body), self.expr(orelse), place)
             case ast.Call():
@@ -521,7 +520,7 @@ class _Reader:
 
 
 def literal(value: bool | int | float, text: s.SourceText) -> s.Expr:
-    """Return a YAML number or boolean as an expression."""
+    """Convert a YAML number or boolean to an expression."""
     place = s.Place(text, 0, len(text.value))
     if isinstance(value, bool):
         return s.Boolean(value, place)

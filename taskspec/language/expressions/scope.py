@@ -97,7 +97,7 @@ class Scope:
         self.used: set[str] = set()
 
     def child(self, bindings: dict[str, Binding]) -> Scope:
-        """Return a scope that also sees the given names (arguments, variables of a comprehension)."""
+        """Make a scope that also sees the given names (arguments, variables of a comprehension)."""
         inner = Scope(bindings, self.domains, self.draws)
         inner.parent = self
         inner.used = self.used
@@ -117,14 +117,13 @@ class Scope:
         return None
 
     def names(self) -> Iterator[str]:
-        """Yield every name that could have been meant, labels included."""
+        """List every name that could have been meant, labels included."""
         for scope in self._and_parents():
             yield from scope.bindings
         for domain in self.domains:
             yield from domain.labels
 
     def is_label(self, word: str) -> bool:
-        """Return whether some choice has this label, one among the parameters included."""
         domains = list(self.domains)
         for scope in self._and_parents():
             for b in scope.bindings.values():
@@ -133,7 +132,6 @@ class Scope:
         return any(word in domain.labels for domain in domains)
 
     def labelled(self, label: str) -> list[Domain]:
-        """Return the distinct domains that have this label."""
         return list(dict.fromkeys(d for d in self.domains if label in d.labels))
 
 
@@ -145,14 +143,14 @@ class Scope:
 
 
 def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
-    """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
+    """Mark the value of a definition or an argument as the value of a name."""
     if isinstance(value.node, Const) and varies(expr, scope):
         return replace(value, late=True)
     return value
 
 
 def varies(expr: s.Expr, scope: Scope) -> bool:
-    """Return whether an expression names something that is bound at run time."""
+    """Test whether an expression names something that is bound at run time."""
     if isinstance(expr, s.Name):  # most arguments are names
         return _known_late(expr, scope.lookup(expr.written))
     names = list(s.names(expr))
@@ -218,7 +216,7 @@ class BaseChecker(ABC):
 
     @abstractmethod
     def value(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value:
-        """Return the value of an expression; `want` is the domain whose labels it may name.
+        """Check an expression; `want` is the domain whose labels it may name.
 
         Raises:
             Poisoned: when it is broken; every mistake in it has been reported.
@@ -226,7 +224,7 @@ class BaseChecker(ABC):
         """
 
     def check(self, expr: s.Expr | None, scope: Scope, want: Domain | None = None) -> Value | None:
-        """Return the value of an expression, or None for none, and for one that is broken (and reported)."""
+        """Check an expression; None without one, and for a broken one (reported)."""
         if expr is None:
             return None
         try:
@@ -235,11 +233,11 @@ class BaseChecker(ABC):
             return None
 
     def numeric(self, expr: s.Expr, scope: Scope) -> Node:
-        """Return an expression that must be a number, a condition or a vector; a choice gives the value of its label."""
+        """Check an expression that must be a number, a condition or a vector; a choice gives the value of its label."""
         return self.number_of(self.value(expr, scope))
 
     def number_of(self, value: Value) -> Node:
-        """Return a value in arithmetic: a label is the value that it is mapped to, or else its position."""
+        """Convert a value for arithmetic: a label to the value that it is mapped to, or else to its position."""
         domain = value.domain
         if domain is None or domain.values is None or domain.value_type is None:
             return value.node
@@ -250,11 +248,11 @@ class BaseChecker(ABC):
         return self.builder.structure("index", [self.builder.const(flat, rows), value.node])
 
     def numerics(self, exprs: Iterable[s.Expr], scope: Scope) -> list[Node]:
-        """Return all of them, reporting the mistakes of each before giving up."""
+        """Check all of them, reporting the mistakes of each before giving up."""
         return self.each(self.numeric, [(expr, scope) for expr in exprs])
 
     def each(self, job: Callable[..., T], given: Iterable[tuple[Any, ...]]) -> list[T]:
-        """Return what a function gives for each of some arguments; all are tried, then a broken one gives up."""
+        """Call a function with each of some arguments; give up after all, if one was broken."""
         results = []
         broken = False
         for arguments in given:
@@ -267,7 +265,7 @@ class BaseChecker(ABC):
         return results
 
     def operands(self, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
-        """Return the operands of an operation; among those that are known late, fractions are floats."""
+        """Check the operands of an operation; among those that are known late, fractions are floats."""
         nodes = self.numerics(exprs, scope)
         constants = [n for n in nodes if isinstance(n, Const)]
         if len(constants) < len(nodes):
@@ -281,14 +279,13 @@ class BaseChecker(ABC):
         return list(map(self.builder.held, nodes))
 
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
-        """Return a vector of elements, which must be of one shape."""
+        """Make a vector of elements, which must be of one shape."""
         if not have_one_shape(nodes):
             hint = "`concat(x, y)` lays vectors end to end"
             self.fail("E307", expr, "the elements of this vector have different shapes", hint)
         return self.builder.structure("vector", nodes)
 
     def condition(self, expr: s.Expr, scope: Scope) -> Node:
-        """Return an expression that must be a single condition."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
             hint = "compare it with something, e.g. `x != 0`"
@@ -298,7 +295,6 @@ class BaseChecker(ABC):
         return node
 
     def constant(self, expr: s.Expr, scope: Scope, what: str) -> Const:
-        """Return an expression that must be known once parameters are."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
             self.fail("E312", expr, f"{what} must be a constant: it may use parameters and constants, not the state")
@@ -334,7 +330,7 @@ class BaseChecker(ABC):
             self.fail(refused.code, expr, refused.message, refused.hint)
 
     def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
-        """Return the values of the parameters that expressions name, as a note: at others they may be right."""
+        """Note the values of the parameters that expressions name: at others they may be right."""
         values = {}
         for name in s.names(tuple(e for e in exprs if e is not None)):
             if isinstance(name, s.Name) and name.id in self.parameters:
@@ -366,7 +362,7 @@ class BaseChecker(ABC):
 
 
 def numbered(checker: BaseChecker, value: Value, domain: Domain) -> Node:
-    """Return a value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
+    """Convert a value to positions of labels: of a label of the choice, or of an int that is a position or a value.
 
     What is no label's is -1, or beyond the last position.
 

@@ -38,7 +38,6 @@ class _Points:
 
 
 def uniform(checker: BaseChecker, expr: s.SetOf | s.Comprehension, scope: Scope, want: Domain | None) -> Value:
-    """Return a uniform draw from a finite set."""
     b = checker.builder
     table, domain = _table(checker, expr, scope, want)
     count = table.type.shape[0]
@@ -51,7 +50,7 @@ def uniform(checker: BaseChecker, expr: s.SetOf | s.Comprehension, scope: Scope,
 def _table(
     checker: BaseChecker, expr: s.SetOf | s.Comprehension, scope: Scope, want: Domain | None
 ) -> tuple[Node, Domain | None]:
-    """Return the elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
+    """Elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
     b = checker.builder
     if isinstance(expr, s.Comprehension):
         points = _enumerate(checker, expr, scope)
@@ -101,7 +100,7 @@ def _member_of_values(checker: BaseChecker, value: Value, left: s.Expr, right: s
 def unroll(
     checker: BaseChecker, expr: s.Comprehension, scope: Scope, make: Callable[[Scope], Node] | None = None, wants: Wants = _NONE
 ) -> list[Node]:  # fmt: skip
-    """Return elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
+    """Write out `[e for x in range(n) for y in range(m)]`, one node an element; the element may depend on the state.
 
     `make` gives the element, in a scope of its own; `wants` are the domains of variables.
     """
@@ -196,7 +195,7 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
 
 
 def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
-    """Return a node evaluated for every candidate: (count, *shape)."""
+    """Evaluate a node for every candidate: (count, *shape)."""
     if draws([node]) or any(role is not Role.VARIABLE or name not in columns for role, name in reads([node])):
         checker.fail("E312", expr, _ENUMERATED)
     for part in walk([node]):
@@ -334,7 +333,7 @@ class _Side:
         return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
 
     def value(self, want: Domain | None = None) -> Value:
-        """Return the value beside a neighbour of the domain `want`, the first one if there are two.
+        """Value beside a neighbour of the domain `want`, the first one if there are two.
 
         Raises:
             Poisoned: when it is broken.
@@ -378,7 +377,7 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
 
 
 def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
-    """Return two values to compare: a label on one side belongs to the choice on the other."""
+    """Convert two values to compare: a label on one side belongs to the choice on the other."""
     if left.may_be_label and not right.may_be_label:
         other = right.value()
         return left.value(other.domain), other
@@ -395,7 +394,7 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
 
 
 def _of_choices(left: _Side, right: _Side) -> bool:
-    """Return whether both are vectors that are written out, with choices among them: labels belong to their own element."""
+    """Test whether both are vectors that are written out, with choices among them: labels belong to their own element."""
     return 0 < len(left.parts) == len(right.parts) and (left.has_choices or right.has_choices)
 
 

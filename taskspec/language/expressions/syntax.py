@@ -223,7 +223,7 @@ Expr = (
 
 
 def alternatives(expr: Expr) -> Iterator[Expr]:
-    """Yield the alternatives of an expression: branches, cells of a table, values with probabilities; else itself."""
+    """Yield the branches, cells or weighted values of an expression; else the expression itself."""
     match expr:
         case IfElse(then=then, otherwise=otherwise):
             parts: tuple[Expr, ...] = (then, otherwise)
@@ -241,7 +241,6 @@ def alternatives(expr: Expr) -> Iterator[Expr]:
 
 
 def cells(rows: Sequence[TableRow]) -> Iterator[Expr]:
-    """Yield the cells of a decision table, in written order."""
     for row in rows:
         if isinstance(row.body, tuple):
             yield from cells(row.body)
@@ -250,19 +249,18 @@ def cells(rows: Sequence[TableRow]) -> Iterator[Expr]:
 
 
 def names(root: Any) -> Iterator[Name | Call]:
-    """Return every name read and every function called anywhere below a node, in written order."""
+    """List names and calls anywhere below a node, in written order."""
     return (node for node in below(root) if isinstance(node, Name | Call))
 
 
 def targets(root: Any) -> Iterator[str]:
-    """Return the variables of all comprehensions below a node."""
     for node in below(root):
         if isinstance(node, Clause):
             yield from node.targets
 
 
 def below(root: Any) -> Iterator[Any]:
-    """Yield a node, or those of a tuple, and all nodes below, in written order."""
+    """Yield a node (or each of a tuple) and all nodes below, in written order."""
     stack = [root]
     while stack:
         node = stack.pop()
@@ -274,7 +272,6 @@ def below(root: Any) -> Iterator[Any]:
 
 
 def parts(expr: Expr | Slice) -> Iterator[Expr | Slice]:
-    """Yield the expressions directly inside one."""
     rest: list[Any] = []
     for f in reversed(fields(expr)):
         rest.append(getattr(expr, f.name))

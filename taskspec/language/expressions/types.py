@@ -113,7 +113,7 @@ class Domain:
 
 
 def shape(type_: Type, domain: Domain | None) -> Shape:
-    """Return the shape of a value as arithmetic sees it: that of a mapped choice is the shape of its values."""
+    """Shape of a value in arithmetic: a mapped choice has the shape of its values."""
     if domain is None or domain.value_type is None:
         return type_.shape
     return domain.value_type.shape
@@ -148,7 +148,6 @@ class Expression:
 
 
 def join(*kinds: Kind) -> Kind:
-    """Return the kind that all the given kinds promote to."""
     return max(kinds)
 
 
@@ -170,5 +169,4 @@ class NoElement(Refused):
 
 
 def total_size(items: Iterable[Any]) -> int:
-    """Return how many elements some components, nodes or other typed values have together."""
     return sum(item.type.size for item in items)

@@ -53,7 +53,6 @@ def modifier(written: Written) -> Modifier:
 
 
 def arguments(entry: ModifierEntry, bound: Modifier) -> dict[str, Any]:
-    """Return all arguments of a modifier that was read."""
     return {a.name: a.default for a in entry.arguments} | dict(bound.arguments)
 
 
@@ -75,7 +74,7 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
 
 
 def _texts(written: str, rest: str) -> dict[str, str]:
-    """Return the arguments of a text, by name: between the commas that stand outside of brackets."""
+    """Split a text into arguments by name, at commas outside of brackets."""
     texts: list[str] = []
     for part in rest.split(","):
         if texts and len(re.findall(r"[([{]", texts[-1])) > len(re.findall(r"[)\]}]", texts[-1])):
@@ -141,13 +140,12 @@ def modify(task: Task, *modifiers: Written) -> Task:
 
 
 def with_options(task: Task, ending: Ending, observe_time: bool) -> Task:
-    """Return the task with the modifiers of the options of environments."""
     asked = {"absorbing": ending == "absorb", "time_observed": observe_time}
     return modify(task, *(name for name, wanted in asked.items() if wanted))
 
 
 def is_as_written(task: Task) -> bool:
-    """Return whether what a spec says about its task (claims, examples, accepted warnings) is about this one, too."""
+    """Test whether statements of a spec about its task (claims, examples, accepted warnings) apply to this task, too."""
     return all(MODIFIERS[m.name].claims for m in task.modifiers)
 
 
@@ -167,7 +165,7 @@ def keeps_observers(task: Task, *modifiers: Written) -> bool:
 
 
 def stand_in(task: Task, unmodified: Task) -> Task | None:
-    """Return the finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
+    """Modify the finite stand-in of a task alike; None where modifiers leave it none."""
     entries = []
     for m in task.modifiers:
         entries.append((m, MODIFIERS[m.name]))
@@ -180,7 +178,7 @@ def stand_in(task: Task, unmodified: Task) -> Task | None:
 
 
 def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
-    """Yield what each modifier of a task does, in Markdown with mathematics."""
+    """Describe each modifier of a task, in Markdown with mathematics."""
     before = task.unmodified
     for each in task.modifiers:
         entry = MODIFIERS[each.name]

@@ -89,7 +89,7 @@ def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    """Return random permutations (rows, count) by a seed, the same everywhere; a single one changes something."""
+    """Random permutations (rows, count) by a seed, the same everywhere; a single one changes something."""
     orders = np.argsort(draws.block(seed, draws.RESET, 0, rows, count), axis=1, kind="stable").astype(np.int64)
     if rows == 1 and count > 1 and bool((orders[0] == np.arange(count)).all()):
         return np.roll(orders, 1, axis=1)

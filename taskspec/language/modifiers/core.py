@@ -34,14 +34,13 @@ class AddedState:
 
 
 def names_in(task: Task) -> set[str]:
-    """Return every name that something in a task has."""
     memory = () if task.annotations.memory is None else task.annotations.memory.components
     names = set(all_names((*task.state, *task.action, *task.observation.components, *memory)))
     return names | set(all_names(task.parameters)) | set(task.source.constants)
 
 
 def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
-    """Return the wanted names, lengthened so that none of them is taken and no two are the same."""
+    """Lengthen the wanted names until none is taken and no two are the same."""
     known = set(taken)
     names = []
     for name in wanted:
@@ -53,7 +52,7 @@ def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
 
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:
-    """Return the task with more components of the state; it does not observe them."""
+    """Add components to the state, which the task does not observe."""
     initial = tuple(a.initial for a in added)
     following = tuple(a.following for a in added)
     changed = task.with_process(
@@ -67,12 +66,11 @@ def with_state(task: Task, added: Sequence[AddedState]) -> Task:
 
 
 def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
-    """Return the present value of a component."""
     return b.read(role, c.name, c.type, c.least, c.most)
 
 
 def inside(b: Builder, c: Component) -> Node:
-    """Return a fixed value of a component: the one nearest to 0."""
+    """Choose a fixed value of a component: the one nearest to 0."""
     flat = []
     for low, high in zip(c.low, c.high, strict=True):
         flat.append(min(max(0, low), high))
@@ -80,7 +78,7 @@ def inside(b: Builder, c: Component) -> Node:
 
 
 def noisy(b: Builder, node: Node, std: float) -> Node:
-    """Return a value with independent normal noise added to each of its elements."""
+    """Add independent normal noise to each element of a value."""
     noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
     return b.apply("add", b.cast(node, Kind.REAL), noise)
 
@@ -89,7 +87,7 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 
 
 def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
-    """Return the task in which other actions are executed than those that are chosen, by name."""
+    """Execute other actions, by name, than those that are chosen."""
     count = len(task.state)
     roots = (*task.process.raw_next, *task.process.step_roots)
     changed = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
@@ -103,7 +101,7 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
 
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
-    """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
+    """Replace each action by another one, by name; the expert remembers the meant ones."""
     reads = {}
     for name, node in meant.items():
         reads[(Role.ACTION, name)] = node
@@ -114,12 +112,10 @@ def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
 
 
 def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:
-    """Return the task with more draws in its steps."""
     return task.with_process(step_draws=(*task.process.step_draws, *drawn.values()))
 
 
 def last(b: Builder, task: Task) -> Node:
-    """Return whether a step is the last of an episode."""
     if task.horizon is None:
         return task.process.terminal
     time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
@@ -127,7 +123,6 @@ def last(b: Builder, task: Task) -> Node:
 
 
 def reads_time(task: Task) -> bool:
-    """Return whether anything depends on the time."""
     expert = task.annotations.expert_nodes
     roots = (
         *task.process.step_roots,
@@ -139,7 +134,6 @@ def reads_time(task: Task) -> bool:
 
 
 def paying(b: Builder, task: Task, reward: Node) -> Task:
-    """Return the task with another reward."""
     return task.with_process(reward=b.cast(reward, Kind.REAL))
 
 
@@ -155,7 +149,7 @@ def observing(
     drawn: Mapping[int, Draw],
     meant: Mapping[str, Node] | None = None,
 ) -> Task:
-    """Return the task with other observations, for which more is drawn at resets and in steps.
+    """Replace the observations, for which more is drawn at resets and in steps.
 
     What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
     of it is left out.
@@ -180,14 +174,14 @@ def observing(
 
 
 def real_space(task: Task) -> SpaceKind:
-    """Return the space of observations that hold reals: a dictionary where they are one, else a box."""
+    """Space of observations that contain reals: a dictionary where they are one, else a box."""
     if task.observation.space == "dict":
         return "dict"
     return "box"
 
 
 def shows_the_state(task: Task) -> bool:
-    """Return whether it is known that no two states look alike at any time; draws do not count."""
+    """Test whether no two states are known to look alike at any time; draws do not count."""
     nodes = []
     for n in task.observation.nodes:
         if not draws([n]) and TIME not in reads([n]):
@@ -196,7 +190,7 @@ def shows_the_state(task: Task) -> bool:
 
 
 def informative(task: Task) -> Observation:
-    """Return the observation without noise that is independent of the steps and of everything else that is seen."""
+    """Drop noise from the observation that is independent of the steps and of everything else in it."""
     known = moving_draws(task)
     for node in task.observation.nodes:
         if reads([node]):
@@ -216,18 +210,17 @@ def informative(task: Task) -> Observation:
 
 
 def moving_draws(task: Task) -> set[int]:
-    """Return the sites of the draws that first and next states, rewards and ends depend on."""
+    """Sites of draws on which first and next states, rewards and ends depend."""
     process = task.process
     return draw_sites((*process.initial, *process.next, process.reward, process.terminal))
 
 
 def sees_moving_draws(task: Task) -> bool:
-    """Return whether observations share a draw with first and next states, rewards or ends."""
     return bool(moving_draws(task) & draw_sites(task.observation.nodes))
 
 
 def storing_observations(task: Task) -> Task:
-    """Return the same task with its random observations in its state, so that each state has one observation.
+    """Store random observations in the state, so that each state has one observation.
 
     Noise that tells nothing is not observed any more.
     """
@@ -250,11 +243,7 @@ def storing_observations(task: Task) -> Task:
 
 
 def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
-    """Return the task whose expert remembers what is meant by an action or an observation; without the expert where this
-    is unknown.
-
-    It is unknown where it depends on a state that is not observed.
-    """
+    """Let the expert remember the meant action or observation; drop the expert where it is unknown."""
     memory = task.annotations.memory
     if memory is None or not meant:
         return task
@@ -273,7 +262,7 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
 
 
 def remembers_what_is_told(task: Task) -> bool:
-    """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
+    """Test whether an expert's memory, if there is one, reads the observation, and later itself, action and time."""
     memory = task.annotations.memory
     if memory is None:
         return True
@@ -285,7 +274,6 @@ def remembers_what_is_told(task: Task) -> bool:
 
 
 def forgetting(task: Task) -> Task:
-    """Return the task without a written expert, and without its memory."""
     changed = task.with_annotations(memory=None)
     if isinstance(task.annotations.expert, tuple):
         return changed.with_annotations(expert=None)
@@ -296,7 +284,7 @@ def forgetting(task: Task) -> Task:
 
 
 def combinations(components: Sequence[Component], what: str, most: int = MOST) -> int:
-    """Return how many values some components have together.
+    """Count the values that some components have together.
 
     Raises:
         Inapplicable: infinitely many, or more than `most`.
@@ -311,7 +299,7 @@ def combinations(components: Sequence[Component], what: str, most: int = MOST) -
 
 
 def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) -> Node:
-    """Return the number of a combination of values, the first element of the first component slowest."""
+    """Compute the number of a combination of values, the first element of the first component slowest."""
     code: Node = b.scalar(0)
     for c, node in zip(components, nodes, strict=True):
         for element, low, count in zip(elements(b, node), c.low, c.counts, strict=True):
@@ -321,7 +309,7 @@ def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) ->
 
 
 def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
-    """Return values of the components whose number a table (N,) has at a row."""
+    """Inverse of `joint`: values of the components whose number a table (N,) has at a row."""
     rest = math.prod(counts_of(components))
     parts = []
     for c in components:
@@ -338,13 +326,11 @@ def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row
 
 
 def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:
-    """Return the value at a row of a table of constants."""
     table = b.const(tuple(values), Type(kind, (len(values),)))
     return b.structure("index", [table, b.position(row, len(values))])
 
 
 def elements(b: Builder, node: Node) -> list[Node]:
-    """Return the elements of a value, row-major."""
     if node.type.is_scalar:
         return [node]
     flat = b.structure("reshape", [node], (node.type.size,))
@@ -355,7 +341,7 @@ def elements(b: Builder, node: Node) -> list[Node]:
 
 
 def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:
-    """Return elements, row-major, as a value of a type."""
+    """Inverse of `elements`: a value of a type from its elements, row-major."""
     if type.is_scalar:
         return flat[0]
     return b.structure("reshape", [b.structure("vector", flat)], type.shape)

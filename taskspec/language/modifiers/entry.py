@@ -45,7 +45,7 @@ class ModifierArgument:
     sample: Callable[[Task], Any] | None = None
 
     def read(self, value: Any) -> Any:
-        """Return a value as it is kept: a number, true or false, or a text.
+        """Convert an argument to the value that is kept: a number, true or false, or a text.
 
         Raises:
             ValueError: says what is needed.
@@ -161,17 +161,17 @@ class ModifierEntry:
     """What becomes of the finite stand-in of a task that has one."""
 
     def kept(self, task: Task, given: Arguments) -> Kept:
-        """Return what it keeps of a task with these arguments."""
+        """Guarantees for a task with these arguments."""
         if self.when(task, given):
             return self.keeps
         return "nothing"
 
     def keeps_observers(self, task: Task, given: Arguments) -> bool:
-        """Return whether it keeps the returns of a task with these arguments, for those who see observations alone, too."""
+        """Test whether policies of observations alone keep their returns in a task with these arguments."""
         return self.kept(task, given) in KEPT[:2] and self.observed(task, given)
 
     def sample(self, task: Task) -> dict[str, Any]:
-        """Return arguments that suit a task, for examples and tests."""
+        """Arguments that suit a task, for examples and tests."""
         arguments = {}
         for a in self.arguments:
             if a.sample is None:

@@ -29,7 +29,7 @@ SCOPE = "absorbing"
 
 
 def potential(b: Builder, task: Task, written: str) -> Node:
-    """Return what an expression of the task language says of a state.
+    """Read a potential: an expression of the task language over a state.
 
     Raises:
         SpecError: with all that is wrong with it, at its place in the expression.
@@ -86,7 +86,7 @@ class FewRewards:
 
 
 def few_rewards(b: Builder, task: Task) -> FewRewards | None:
-    """Return the rewards where they are known to be few, else None."""
+    """Rewards of a task if they are known to be few, else None."""
     known: dict[int, Values] = {}
     for node in walk([task.process.reward]):
         possible = _values(b, node, [known[id(c)] for c in children(node)])
@@ -192,7 +192,7 @@ def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
 
 
 def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[core.AddedState, Node] | None:
-    """Return the sum as a multiple of what all rewards are multiples of; None where that may be too many."""
+    """Express a sum as a multiple of the rewards' greatest common divisor; None where that may be too many."""
     exact = [Fraction(repr(v)) for v in few.values]
     unit = reduce(_common, exact) or Fraction(1)
     if task.horizon is None:
@@ -275,7 +275,6 @@ def _some_state(task: Task) -> str:
 
 
 def lasts(task: Task) -> bool:
-    """Return whether all episodes are equally long."""
     return isinstance(task.process.terminal, Const) and not task.process.terminal.value and task.horizon is not None
 
 

@@ -42,7 +42,7 @@ def _declared(task: Task, name: str) -> Symmetry:
 
 
 def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    """Return the task with another observation; what other modifiers add to the observation stays."""
+    """Apply a symmetry to the observation; components that other modifiers add stay."""
     now = {}
     for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
         now[c.name] = (c, node)

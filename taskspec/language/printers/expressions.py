@@ -22,7 +22,7 @@ from taskspec.language.printers.text import text
 
 
 def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Math:
-    """Return the mathematics of a value; a condition becomes its indicator."""
+    """Convert a value to mathematics; a condition becomes its indicator."""
     return ExpressionWriter(notation, of).number(expr).tree
 
 
@@ -33,7 +33,7 @@ def condition(expr: s.Expr, notation: Notation) -> m.Math:
 @dataclass(frozen=True)
 class ExpressionWriter(Writer):
     def number(self, expr: s.Expr) -> Piece:
-        """Return an expression used as a value; conditions on elements have their index below."""
+        """Print an expression as a value; conditions on elements have their index below."""
         if self.is_condition(expr) and is_vector(self, expr):
             elements = pointwise(self, expr)
             if elements is not None:
@@ -260,7 +260,7 @@ def _pull_sign(expr: s.Expr) -> tuple[bool, s.Expr]:
 
 
 def _number(text: str) -> Piece:
-    """Return digits as written; an exponent as a power of ten."""
+    """Digits as written; an exponent as a power of ten."""
     mantissa, mark, exponent = text.lower().replace("_", "").partition("e")
     if not mark or not exponent.lstrip("+-").isdigit():
         return Piece(m.Num(text.replace("_", "")))

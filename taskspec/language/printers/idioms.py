@@ -94,20 +94,19 @@ def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
 
 
 def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
-    """Return whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
+    """Test whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
     if not isinstance(table, s.Table):
         return False
     plain = []
     for c in table.by:
-        if isinstance(c, s.Name) and not c.primed:
-            plain.append(c.id)
-        else:
-            plain.append(None)
+        if not isinstance(c, s.Name) or c.primed:
+            return False
+        plain.append(c.id)
     return plain == [state] or (len(actions) == 1 and plain == [state, actions[0]])
 
 
 def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) -> list[m.Math]:
-    """Return one line for each state: `s --a--> s'` for every action."""
+    """Write one line for each state: `s --a--> s'` for every action."""
     target = replace(w, of=state)
     lines: list[m.Math] = []
     for row in table.rows:
@@ -220,7 +219,7 @@ def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
 
 
 def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | None:
-    """Return the sum of `x[a:b]`, where its end is known."""
+    """Write the sum of `x[a:b]`, where its end is known."""
     end = part.stop or w.notation.lengths.get(name.id)
     if end is None or rank(w, name) != 1:
         return None
@@ -276,7 +275,7 @@ def _box(w: Writer, call: s.Call) -> Piece | None:
 
 
 def _joined(w: Writer, call: s.Call) -> Piece:
-    """Return one list of all that is joined: the elements of lists that are written out, and what nested calls join."""
+    """Flatten nested `concat` calls and lists that are written out."""
     return w.piece(s.Vector(tuple(_parts(w, call.args)), call.place))
 
 
@@ -299,7 +298,7 @@ IDIOMS: dict[str, Idiom] = {
 
 
 def less_one(w: Writer, n: s.Expr) -> m.Math:
-    """Return n - 1, worked out where n is a number or already ends in a number."""
+    """Write n - 1, worked out where n is a number or already ends in a number."""
     match n:
         case s.Number(value=int(value)) if value > 0:
             return m.Num(str(value - 1))
@@ -317,7 +316,7 @@ WRITTEN_OUT = 4
 
 
 def interval(low: m.Math, high: m.Math) -> m.Math:
-    """Return the integers from low to high; few of them are written out."""
+    """Write the integers from low to high; few of them are written out."""
     first = _int(low)
     last = _int(high)
     if first is not None and last is not None and last - first < WRITTEN_OUT:
@@ -359,7 +358,7 @@ def _over(w: Writer, expr: s.Comprehension) -> m.Math:
 
 def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
     sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
-    rows = []
+    rows: list[m.Math] = []
     for c, domain in zip(expr.clauses, sets, strict=True):
         rows.append(m.Row((_target(w, c), m.Sym("∈"), domain)))
     return rows
@@ -389,7 +388,7 @@ def _target(w: Writer, clause: s.Clause) -> m.Math:
 
 
 def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
-    """Return `x % n == 0` as a congruence."""
+    """Write `x % n == 0` as a congruence."""
     match expr:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
             if op == "==":
@@ -404,7 +403,7 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
 
 
 def distribution(w: Writer, call: s.Call) -> Piece:
-    """Return a distribution by name; independent draws of one shape as a power."""
+    """Write a distribution by name; independent draws of one shape as a power."""
     first = call.args[0] if len(call.args) == 1 and not call.keywords else None
     if call.function == CATEGORICAL.name and isinstance(first, s.Weights):
         return applied("cases", cases(w, first))
@@ -431,7 +430,7 @@ def distribution(w: Writer, call: s.Call) -> Piece:
 
 
 def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
-    """Return a family of distributions with their index below: a matrix of deviations is squared element by element."""
+    """Write a family of distributions with their index below: a matrix of deviations is squared element by element."""
     at = indices(w, call, max(rank(w, value) for value in given.values()))
     inner = w.with_axes({index.id: 0 for index in at})
     entries = []

@@ -32,7 +32,7 @@ _SYMBOLS = {"mod": r" \bmod ", ",": ", ", ";": "; ", "′": "'"}
 
 
 def escape(text: str) -> str:
-    """Return text for LaTeX's text mode: every special character is written out, nothing can become a command."""
+    """Escape text for LaTeX's text mode: every special character is written out, nothing can become a command."""
     return "".join(map(_character, text))
 
 
@@ -69,7 +69,6 @@ def _glyph(char: str) -> str:
 
 
 def latex(node: m.Math) -> str:
-    """Return LaTeX of a tree, for math mode."""
     return _tex(node).strip()
 
 
@@ -202,7 +201,7 @@ _OPERATORS = {
 
 
 def mathml(node: m.Math, block: bool = False) -> str:
-    """Return a `<math>` element; its alternative text is the plain form."""
+    """Write a `<math>` element; its alternative text is the plain form."""
     display = ' display="block"' * block
     return f'<math{display} alttext="{html.escape(plain(node))}">{_element(node)}</math>'
 
@@ -298,7 +297,7 @@ def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
 
 
 def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | None) -> str:
-    """Return a base with what stands below and above; the names of the elements are `munder`, `msubsup` and so on."""
+    """Set scripts below and above a base; the elements are named `munder`, `msubsup` and so on."""
     if sub is not None and sup is not None:
         return f"<m{below}{above}>{base}{_element(sub)}{sup}</m{below}{above}>"
     if sub is not None:

@@ -101,7 +101,7 @@ class Writer(ABC):
         """Return an expression by its form."""
 
     def number(self, expr: s.Expr) -> Piece:
-        """Return an expression used as a value: conditions count as 0 and 1."""
+        """Print an expression as a value: conditions count as 0 and 1."""
         if self.is_condition(expr):
             return Piece(indicator(self.truth(expr).tree))
         return self.piece(expr)
@@ -112,7 +112,7 @@ class Writer(ABC):
         return self.piece(expr)
 
     def is_condition(self, expr: s.Expr) -> bool:
-        """Return whether an expression is a condition by its form (a bool component is a number, 0 or 1)."""
+        """Test whether an expression is a condition by its form (a bool component is a number, 0 or 1)."""
         match expr:
             case s.Compare() | s.Logical() | s.Unary(op="not"):
                 return True
@@ -131,7 +131,7 @@ class Writer(ABC):
 
 
 def of_task(task: Task) -> Notation:
-    """Return the notation that every part of a task's printed form shares."""
+    """Notation that every part of a task's printed form shares."""
     spec = task.spec
     symbols = {name: symbol(name) for name in (*spec.constants, *spec.noise, "t", "T")}
     bodies = {}
@@ -178,7 +178,7 @@ def expression(value: Any) -> s.Expr:
 
 
 def nowhere(text: str) -> s.SourceText:
-    """Return a text that no file holds."""
+    """Make a text that no file contains."""
 
     def locate(start: int, end: int) -> Any:
         return None

@@ -58,7 +58,7 @@ class Piece:
     signed: bool = False
 
     def at(self, level: int, lead: bool = False) -> m.Math:
-        """Return the tree as an operand that must bind at least this tightly; in sums and products only the first has a sign."""
+        """Bracket a tree where it must bind at least this tightly; in sums and products only the first has a sign."""
         fits = self.level >= level and (lead or not self.signed or level <= Level.EXTREME)
         if fits:
             return self.tree
@@ -66,7 +66,7 @@ class Piece:
 
 
 def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
-    """Return the operands of an operator, with the brackets that it asks for."""
+    """Set operands, with the brackets that their operator asks for."""
     rule = NOTATION.get(operator, ENCLOSED)
     operands = []
     for i, piece in enumerate(pieces):
@@ -87,7 +87,7 @@ def prime(tree: m.Math, primed: bool = True) -> m.Math:
 
 
 def indexed(tree: m.Math, below: m.Math) -> m.Math:
-    """Return a tree with an index below it, after those that it has."""
+    """Append an index below a tree."""
     if not isinstance(tree, m.Script):
         return m.Script(tree, below)
     if tree.sub is not None:
@@ -100,7 +100,7 @@ def indicator(truth: m.Math) -> m.Math:
 
 
 def multiply(trees: Sequence[m.Math], vectors: Sequence[bool]) -> m.Math:
-    """Return a product: letters and numbers stand side by side, anything else takes a dot.
+    """Write a product: letters and numbers stand side by side, anything else takes a dot.
 
     Vectors that are multiplied element by element take a dot in a circle, for a dot alone is their inner product.
     """
@@ -139,7 +139,7 @@ def _letter(node: m.Math) -> bool:
 
 
 def _last(node: m.Math) -> m.Math:
-    """Return the end of a factor: the 2 of -2."""
+    """End of a factor: the 2 of -2."""
     if isinstance(node, m.Row) and node.items:
         return _last(node.items[-1])
     return node
@@ -154,7 +154,7 @@ def _is_name(node: m.Math) -> bool:
 
 
 def fill(latex: str, holes: Iterable[tuple[str, m.Math]]) -> m.Math:
-    """Return a template of the operator table with trees in its holes."""
+    """Fill the holes of a template of the operator table with trees."""
     values = dict(holes)
     return _filled(_parsed(latex, tuple(values)), values)
 

@@ -29,12 +29,12 @@ def renamed(node: Any, old: str, new: str) -> Any:
 
 
 def substitute(node: Any, values: Mapping[str, Any]) -> Any:
-    """Return the same tree with names replaced by numbers and constant arithmetic folded."""
+    """Replace names by numbers and fold constant arithmetic."""
     if isinstance(node, s.Name):
         known = not node.primed and node.id in values
         return (_literal(values[node.id], node.place) if known else None) or node
     if isinstance(node, s.Comprehension):
-        bound = set()
+        bound: set[str] = set()
         for clause in node.clauses:
             bound.update(clause.targets)
         free = {}
@@ -61,7 +61,7 @@ def _literal(value: Any, place: s.Place) -> s.Expr | None:
 
 
 def _fold(node: Any) -> Any:
-    """Return arithmetic of two integers, done, and x for x * 1 and x + 0; anything else stays as written."""
+    """Compute arithmetic of two integers, and x for x * 1 and x + 0; anything else stays as written."""
     if not isinstance(node, s.Binary):
         return node
     a = _integer(node.left)
@@ -111,19 +111,18 @@ def is_draw(expr: s.Expr) -> bool:
 
 
 def draws(expr: s.Expr) -> bool:
-    """Return whether anything is drawn in an expression."""
     return any(map(is_draw, m.parts(expr)))
 
 
 def shows_probabilities(expr: s.Expr) -> bool:
-    """Return whether an expression is printed as cases with probabilities, which need no name."""
+    """Test whether an expression is printed as cases with probabilities, which need no name."""
     if isinstance(expr, s.Call) and expr.function == "Categorical":
         return any(isinstance(a, s.Weights) for a in expr.args)
     return isinstance(expr, s.Weights)
 
 
 def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
-    """Return names for the draws inside an expression, in written order."""
+    """Name the draws inside an expression, in written order."""
     draws: list[tuple[s.Name | s.Subscript, s.Expr]] = []
 
     def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
@@ -147,7 +146,7 @@ _LETTERS = "ijkmlnrqu"
 
 
 def rank(w: Writer, expr: s.Expr) -> int:
-    """Return the number of axes of an expression: 0 for a number or a condition, 1 for a vector, 2 for a matrix."""
+    """Count the axes of an expression: 0 for a number or a condition, 1 for a vector, 2 for a matrix."""
     match expr:
         case s.Name():
             return _axes_of_name(w, expr)
@@ -223,7 +222,7 @@ def _axes_of_distribution(w: Writer, call: s.Call) -> int:
 
 
 def _picked_axes(w: Writer, index: s.Expr | s.Slice) -> int:
-    """Return the axes of an index: a vector of indices picks several rows."""
+    """Axes of an index: a vector of indices picks several rows."""
     return 0 if isinstance(index, s.Slice) or not _is_known(w, index) else rank(w, index)
 
 
@@ -233,12 +232,11 @@ def _is_known(w: Writer, expr: s.Expr) -> bool:
 
 
 def is_vector(w: Writer, expr: s.Expr) -> bool:
-    """Return whether an expression is known to have elements."""
     return _is_known(w, expr) and rank(w, expr) > 0
 
 
 def has_conditions(w: Writer, expr: s.Expr) -> bool:
-    """Return whether conditions on elements decide about a vector, so that it is written with an index."""
+    """Test whether conditions on elements decide about a vector, so that it is written with an index."""
     if not is_vector(w, expr):
         return False
     match expr:
@@ -255,7 +253,7 @@ def has_conditions(w: Writer, expr: s.Expr) -> bool:
 
 
 def under(w: Writer, expr: s.Comprehension) -> Writer:
-    """Return a writer that knows the axes of a comprehension's variables."""
+    """Make a writer that knows the axes of a comprehension's variables."""
     for clause in expr.clauses:
         match clause.domain:
             case s.Call(function="range"):
@@ -275,7 +273,7 @@ def under(w: Writer, expr: s.Comprehension) -> Writer:
 
 
 def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
-    """Return indices and the element at them with what writes it, for a vector or a matrix; None for a single value."""
+    """Choose indices: them, an element at them and its writer, for a vector or a matrix; None for a single value."""
     axes = rank(w, expr)
     if axes == 0:
         return None
@@ -288,7 +286,7 @@ def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
 
 
 def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
-    """Return the index of the component that is meant, if an expression is the one value of all its elements."""
+    """Index of a component, if an expression is the one value of all its elements."""
     axes = w.notation.axes.get(w.of or "", 0)
     if not axes or w.of in w.notation.labels or not _is_known(w, expr) or rank(w, expr):
         return None
@@ -296,7 +294,7 @@ def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
 
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
-    """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
+    """Choose letters for indices that the expression neither names nor prints."""
     used = set()
     for x in s.names(expr):
         if isinstance(x, s.Name):
@@ -311,7 +309,7 @@ def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
 
 
 def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
-    """Return the element of an expression at indices; a single value is the same at all of them."""
+    """Element of an expression at indices; a single value is the same at all of them."""
     if rank(w, expr) == 0:
         return expr
     go = partial(element, w, at=at)
@@ -332,7 +330,7 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
 
 
 def _entry(w: Writer, expr: s.Subscript, at: tuple[s.Name, ...]) -> s.Expr:
-    """Return an element of a row, a column or a part; its indices go together if they are the whole's."""
+    """Element of a row, a column or a part; its indices go together if they are the whole's."""
     left = list(at)
     entries: list[s.Expr] = []
     for index in expr.indices:

@@ -128,7 +128,7 @@ class _TexReader:
             self.at += 1
 
     def items(self, *stops: str) -> list[Math]:
-        """Return things up to one of the stops (left where it is) or the end."""
+        """Read trees up to one of the stops (left where it is) or the end."""
         trees: list[Math] = []
         self.stops.extend(stops)
         self.depth += 1
@@ -208,7 +208,7 @@ class _TexReader:
         return m.row(*inner)
 
     def raw(self) -> str:
-        """Return the text of a group as written, its opening brace already read."""
+        """Read the text of a group as written, its opening brace already read."""
         text = ""
         level = 1
         while (token := self.take()) and (token != "}" or level > 1):
@@ -223,7 +223,7 @@ class _TexReader:
         return self.take()
 
     def fenced(self, token: str) -> Math:
-        """Return a body up to its closing delimiter; when that is missing the opening one stands alone."""
+        """Read a body up to its closing delimiter; without one the opening delimiter stands alone."""
         closing = _CLOSING[token]
         inner = self.items(closing)
         if self.taken(closing):

@@ -18,7 +18,7 @@ _SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻�
 
 
 def text(expr: s.Expr) -> str:
-    """Return an expression as text; lists and tables that only YAML can write become conditionals."""
+    """Write an expression as text; lists and tables that only YAML can write become conditionals."""
     return _write(expr)[0]
 
 
@@ -116,7 +116,7 @@ def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr,
 
 
 def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place: s.Place) -> s.Expr:
-    """Return a table as nested conditionals; where no row is for everything else, the last row is."""
+    """Write a table as nested conditionals; without an `else` row, the last row is one."""
     branches = []
     last = None
     for row in rows:
@@ -134,7 +134,6 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
 
 
 def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
-    """Return a readable line of Unicode text."""
     match node:
         case m.Ident(text=text, style="blackboard"):
             return c.BLACKBOARD.get(text, text)
@@ -209,7 +208,7 @@ def _atom(node: m.Math) -> str:
 
 
 def _small(node: m.Math | None, table: dict[int, int], mark: str) -> str:
-    """Return what is written below or above: in small letters if there are such, else after a mark."""
+    """Write scripts in small letters if there are such, else after a mark."""
     if node is None:
         return ""
     text = plain(node)

@@ -149,7 +149,7 @@ def braces(body: Math) -> Fence:
 
 
 def such_that(element: Math, condition: Math) -> Row:
-    """Return `element : condition`, as in sets and after quantifiers."""
+    """Write `element : condition`, as in sets and after quantifiers."""
     return Row((element, Sym(":"), Gap(), condition))
 
 
@@ -158,7 +158,7 @@ def upright(text: str) -> Ident:
 
 
 def children(node: Any) -> list[Any]:
-    """Return the nodes right below a node of mathematics or of surface syntax, in reading order."""
+    """List nodes right below a node of mathematics or of surface syntax, in reading order."""
     nodes = []
     waiting = []
     for name in reversed(node.__dataclass_fields__):
@@ -173,14 +173,13 @@ def children(node: Any) -> list[Any]:
 
 
 def parts(node: Any) -> Iterator[Any]:
-    """Yield a node of mathematics or of surface syntax, and all nodes below it."""
     yield node
     for child in children(node):
         yield from parts(child)
 
 
 def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
-    """Return a node of mathematics or of surface syntax with each of its children changed."""
+    """Rebuild a node of mathematics or of surface syntax with each of its children changed."""
 
     def go(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -193,7 +192,6 @@ def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def is_tall(node: Math) -> bool:
-    """Return whether brackets around a node must grow."""
     match node:
         case Frac() | Cases() | Matrix() | Big() | Root():
             return True

@@ -34,7 +34,7 @@ from taskspec.language.task.sections import by_component
 
 
 def figure(context: Context, scope: Scope) -> Figure | None:
-    """Return what the section says; None without one.
+    """Read the section `figure`; None without one.
 
     Reported are keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape.
     """
@@ -63,7 +63,7 @@ def figure(context: Context, scope: Scope) -> Figure | None:
 
 
 def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int, ...]) -> tuple[Node, ...]:
-    """Return a column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
+    """Read a column and a row, and maybe a way, or one vector of all; nothing without one, or for a broken one."""
     if at is None:
         return ()
     if isinstance(at, list):
@@ -96,7 +96,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
-    """Return an expression as a node, a choice as its number; None where it is broken (and reported)."""
+    """Convert an expression to a node, a choice to its number; None for a broken one (reported)."""
     value = context.checker.check(expr, scope)
     if value is None:
         return None
@@ -104,7 +104,7 @@ def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | No
 
 
 def _map(context: Context, name: str | None) -> tuple[str, ...]:
-    """Return the rows of the grid of letters that the figure names; none where it names none."""
+    """Rows of the grid of letters that the figure names; none where it names none."""
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
@@ -122,7 +122,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
 
 
 def _digits(value: Value | None) -> tuple[str, ...] | None:
-    """Return a matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
+    """Write a matrix as rows of characters, `#` for a condition that holds; None for other numbers, or no matrix."""
     node = value and value.node
     if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
         return None
@@ -212,7 +212,7 @@ DONE = "action"
 
 
 def symmetries(context: Context, names: Names, observation: Observation) -> tuple[Symmetry, ...]:
-    """Return the symmetries that a spec declares; those that are broken are reported, and left out."""
+    """Read the symmetries of a spec; broken ones are reported and left out."""
     written: Mapping[str, Any] = context.data.get("symmetries") or {}
     if not written:
         return ()
@@ -249,7 +249,7 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
 def _shown(
     context: Context, observation: Observation, seen: Mapping[str, Value], values: Mapping[str, Value]
 ) -> Iterator[tuple[Component, Node]]:
-    """Yield what is seen then: lines, what no line names or uses, and new names."""
+    """Yield the image of each observation: lines, components that no line names or uses, and new names."""
     if not values:
         return
     used = set()
@@ -285,7 +285,7 @@ LATER = "memory"
 
 
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
-    """Return the memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
+    """Read the memory of a spec's expert; None without one, or for a broken one (reported)."""
     _check_names(context, observation)
     names.seen = what_is_seen(context.builder, observation, Role.STATE)
     seen = what_is_seen(context.builder, observation)
@@ -307,16 +307,15 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
 
 
 def looking(context: Context, memory: ExpertMemory, observation: Observation, expert: tuple[Node, ...]) -> ExpertMemory:
-    """Return a memory that also holds the observations that the expert reads."""
+    """Add the observations that the expert reads to a memory."""
     read = reads(expert)
     known = set()
     for c in (*context.state, *context.memory):
         known.add(c.read)
-    shown = []
+    seen = []
     for c in observation.components:
         if c.read in read and c.read not in known:
-            shown.append(c)
-    seen = tuple(shown)
+            seen.append(c)
     shown = what_is_seen(context.builder, observation)
     nodes = tuple(shown[c.name].node for c in seen)
     context.memory = (*context.memory, *seen)

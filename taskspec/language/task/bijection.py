@@ -58,7 +58,7 @@ class MapPart:
         return self.moves is not None or self.listed is not None
 
     def clash(self) -> tuple[Values, Values] | None:
-        """Return two values that become one; None where there are none, or it is not known."""
+        """Find two values with one image; None without any, or where it is not known."""
         if self.moves is not None:
             low, high = _ends(self.inputs)
             for i in np.flatnonzero(low < high):
@@ -85,7 +85,7 @@ class MapPart:
 
 
 def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tied: bool = False) -> tuple[MapPart, ...]:
-    """Return the parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
+    """Split a map of components into parts, which nodes read in a role; `is_tied` where node i becomes component i."""
     groups: list[tuple[set[str], list[int]]] = []
     for i, node in enumerate(nodes):
         names = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set())
@@ -105,7 +105,7 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
 
 
 def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
-    """Yield the bounds of every element that comes out of a part whose form or whose values are known."""
+    """Yield bounds of each image element of a part whose form or values are known."""
     if part.listed is not None:
         low = part.listed.min(axis=0).tolist()
         high = part.listed.max(axis=0).tolist()
@@ -118,7 +118,7 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 
 def _made(moves: Moves, flat: Array) -> Array:
-    """Return what elements become that are moved; 0 without a source."""
+    """Apply moves to elements; 0 without a source."""
     moved: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
     return moved
 
@@ -146,7 +146,7 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
 
 
 def _all(components: Sequence[Component], rows: Array) -> list[Array]:
-    """Return values (*shape, N) of finite components whose combinations have these numbers."""
+    """Values (*shape, N) of finite components whose combinations have these numbers."""
     rest = rows
     values = []
     for c in reversed(components):
@@ -159,7 +159,7 @@ def _all(components: Sequence[Component], rows: Array) -> list[Array]:
 
 
 def _rows(values: Sequence[Array], lanes: int) -> Array:
-    """Return all elements (lanes, elements) of values (*shape, lanes or 1)."""
+    """Flatten values (*shape, lanes or 1) to rows (lanes, elements)."""
     flat = []
     for v in values:
         flat.append(np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)))
@@ -196,7 +196,7 @@ def _ends(components: Sequence[Component]) -> tuple[Array, Array]:
 
 
 def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Moves | None:
-    """Return how elements are moved, where the form of the expressions shows that nothing else is done to them.
+    """Match moves of elements, if the form of the expressions shows that they do nothing else.
 
     Every element that comes out then depends on one that goes in, with a factor of 1 or -1; which one it is, numbers put in their
     places tell.
@@ -217,7 +217,7 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     room[-1] = 0.0
 
     def told_apart(nodes: Sequence[Node], most: int) -> Moves | None:
-        """Return elements of nodes that only move; None where they may round: sums with reals, or beyond `most`."""
+        """Match moves of elements of nodes; None where they may round: sums with reals, or beyond `most`."""
         shift = _rows(evaluate(nodes, zeros), 1)[0].astype(np.float64)
         tagged = _rows(evaluate(nodes, tags), 1)[0].astype(np.float64)
         if not np.isfinite(shift).all():
@@ -242,7 +242,7 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
 
 
 def _only_moves(root: Node) -> bool:
-    """Return whether an expression has a single element of what it reads in each of its own, with a factor of 1 or -1."""
+    """Test whether each element of an expression is one element of its reads, with a factor of 1 or -1."""
     fixed: dict[int, bool] = {}
     for node in walk([root]):
         args = [fixed[id(c)] for c in children(node)]
@@ -271,7 +271,7 @@ def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
 
 
 def codes(part: MapPart) -> Array:
-    """Return the number of the value that each value of a listed part becomes; -1 for one that is none of them."""
+    """Find the number of the image of each value of a listed part; -1 for one that is none of its values."""
     assert part.listed is not None
     numbers = np.zeros(len(part.listed), np.int64)
     at = 0
@@ -286,7 +286,7 @@ def codes(part: MapPart) -> Array:
 
 
 def outside(part: MapPart) -> tuple[Values, Values] | None:
-    """Return a value of a part that is mapped to no value of its components, and what it becomes; None for none."""
+    """Find a value of a part that is mapped to no value of its components, with its image."""
     if part.listed is not None:
         wrong = np.flatnonzero(codes(part) < 0)
         if not len(wrong):

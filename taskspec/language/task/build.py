@@ -32,7 +32,7 @@ def build(
     parameters: Mapping[str, Any] | None = None,
     suite: str = "",
 ) -> Task:
-    """Return the task that a document describes, for given parameter values; it is built once, for tasks are immutable.
+    """Build the task of a document for given parameter values; it is built once, for tasks are immutable.
 
     Raises:
         SpecError: with every mistake found.
@@ -89,7 +89,7 @@ def attempts(
     values: Mapping[str, Any] | None = None,
     before: Sequence[Attempt] = (),
 ) -> tuple[list[Attempt], tuple[Diagnostic, ...]]:
-    """Return what can be made of a document, and its mistakes; what does not have the shape of a spec is left out.
+    """Build as much of a document as is right, and list its mistakes; entries without the shape of a spec are left out.
 
     Args:
         variants: the tasks that are meant, all of them unless given.
@@ -124,7 +124,7 @@ def attempts(
 
 
 def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
-    """Return what was made of a spec whose places and prose alone have changed; None where more has."""
+    """Reuse a task of a spec whose places and prose alone have changed; None where more has."""
     if known is None or _meant(known.merged) != _meant(merged):
         return None
     known.names.context.move(merged)
@@ -132,7 +132,7 @@ def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
 
 
 def _meant(merged: Merged) -> str:
-    """Return the sections that have a meaning, with the types of their values: 1, 1.0 and True are equal otherwise."""
+    """Select the sections that have a meaning, with the types of their values: 1, 1.0 and True are equal otherwise."""
     sections = {}
     for section, value in merged.data.items():
         if section not in _PROSE:
@@ -167,12 +167,12 @@ _EMPTY: dict[str, Any] = {"state": {}, "action": {}, "horizon": 1, "initial": {}
 
 
 def _follows(mistake: Diagnostic, words: set[str]) -> bool:
-    """Return whether a mistake follows from entries that were left out: it names one, or something is missing."""
+    """Test whether a mistake follows from entries that were left out: it names one, or something is missing."""
     return mistake.code in ("E203", "E210", "E217") or bool(words & set(re.findall(r"['`](\w+)", mistake.message)))
 
 
 def _kind(value: Any) -> tuple[str, float]:
-    """Return what distinguishes values that are one key of a dictionary: 1, 1.0 and True, 0.0 and -0.0."""
+    """Distinguish values that are one key of a dictionary: 1, 1.0 and True, 0.0 and -0.0."""
     return type(value).__name__, math.copysign(1.0, value) if isinstance(value, float) else 1.0
 
 
@@ -196,7 +196,7 @@ class BoundParameters(NamedTuple):
 def bound_parameters(
     document: Document, variant: str | None = None, parameters: Mapping[str, Any] | None = None
 ) -> BoundParameters:
-    """Return the parameters of a document's task, bound to the given values or their defaults; the rest of it is not looked at.
+    """Bind the parameters of a document's task to the given values or their defaults; the rest of it is not read.
 
     Raises:
         SpecError: for a value that a parameter cannot have, or values that may not go together.
@@ -220,7 +220,7 @@ class Outline:
 
 
 def outline(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Outline:
-    """Return the outline of a document's task; what happens in a step is not looked at.
+    """Build the outline of a document's task; steps are not read.
 
     Raises:
         SpecError: with every mistake in what is declared.
@@ -248,7 +248,7 @@ def _bound(document: Document, variant: str | None, parameters: Mapping[str, Any
 
 
 def reduce_task(task: Task) -> tuple[Any, ...]:
-    """Return a pickled task: its spec's text and its parameter values, from which it is built again."""
+    """Pickle a task: its spec's text and its parameter values, from which it is built again."""
     source = task.source
     return _unpickled, (packed(source.document), source.variant, task.values, source.suite, task.annotations.remembers)
 
@@ -264,7 +264,7 @@ copyreg.pickle(Task, reduce_task)  # here, since a task need not know how it is 
 
 
 def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
-    """Return the task of sections that were merged, or changed since.
+    """Build the task of sections that were merged, or changed since.
 
     Raises:
         SpecError: with every mistake found, or with the limit that there are too many operations for.
@@ -277,7 +277,7 @@ def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> T
 
 
 def build_abstract(task: Task) -> Task | None:
-    """Return the finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
+    """Build the finite stand-in that a task's spec declares under `abstraction`, for the same parameters.
 
     Raises:
         SpecError: with every mistake found in it.
@@ -296,13 +296,7 @@ def build_abstract(task: Task) -> Task | None:
 
 
 def build_varying(task: Task, names: Sequence[str]) -> Task:
-    """Return what resets and steps a task, with numeric parameters as reads of PARAMETER, under their names; nothing else
-    is built.
-
-    Raises:
-        SpecError: E702 for a parameter that there is not, E713 for one that is no number, has no effect on steps, or decides what
-            is fixed once and for all, and for a task with modifiers.
-    """
+    """Build the process of a task, with numeric parameters as reads of PARAMETER, under their names."""
     for name in names:
         _check(task, name)
     given = {**task.values, **{name: Varying(task.values[name]) for name in names}}

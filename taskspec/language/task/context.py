@@ -52,7 +52,7 @@ def _blame(checker: Checker, refused: Refused, expr: s.Expr, scope: Scope, compo
 
 
 def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
-    """Return the value as one of a component; Refused when it cannot be."""
+    """Convert a value to one of a component; Refused where it cannot be."""
     if c.domain is None:
         node = checker.number_of(value)
     else:
@@ -123,7 +123,7 @@ class Context:
         self.forms.merged = merged
 
     def constant_scope(self, why_no_draws: str | None = None) -> Scope:
-        """Return a scope of parameters and constants alone."""
+        """Make a scope of parameters and constants alone."""
         scope = Scope(self.constants, draws=why_no_draws)
         self.scopes.append(scope)
         return scope
@@ -135,13 +135,13 @@ class Context:
         for c in components:
             if c.domain is not None:
                 self.domains.append(c.domain)
-        labels = []
+        labels: list[str] = []
         for domain in self.domains:
             labels += domain.labels
         self.forms.labels = frozenset(label for label in labels if not is_word(label))
 
     def surface(self) -> Surface:
-        """Return what the author wrote, and what each part of it came to."""
+        """Collect the author's sections, with the value of each part."""
         checker = self.checker
         sections = {}
         for name, scope in self.named_scopes.items():
@@ -156,7 +156,7 @@ class Context:
         )  # fmt: skip
 
     def expr(self, path: Path) -> s.Expr:
-        """Return the expression at a path.
+        """Expression at a path.
 
         Raises:
             Poisoned: when it is broken; its mistakes are reported.
@@ -180,17 +180,15 @@ class Context:
         raise Poisoned
 
     def place(self, *path: str) -> s.Place:
-        """Return a whole section as a place."""
         return self.forms.place(path)
 
     def bound(self, c: Component, role: Role) -> Binding:
-        """Return what the name of a component means."""
+        """Bind the name of a component."""
         if c.name in self.broken:
             return Lazy(poison, c.domain)
         return self.read(c, role)
 
     def read(self, c: Component, role: Role) -> Value:
-        """Return the present value of a component."""
         entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
         low = entry.get("low")
         high = entry.get("high")
@@ -199,7 +197,7 @@ class Context:
         return Value(node, c.domain, late=True, ends=ends)  # late even where it has no elements and is a constant
 
     def shaped(self, name: str, value: Value) -> Value:
-        """Return a definition's or a noise's value, whose shape the printers ask for."""
+        """Record the shape of a definition's or a noise's value, for the printers."""
         self.shapes[name] = shape(value.node.type, value.domain)
         return value
 
@@ -218,7 +216,7 @@ class Context:
             self._busy.remove(name)
 
     def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
-        """Return a binding worked out once, on first use; a circle is reported."""
+        """Make a binding that is worked out once, on first use; a circle is reported."""
         known: list[Value | None] = []
 
         def resolve(at: s.Name) -> Value:
@@ -235,11 +233,11 @@ class Context:
         return Lazy(resolve)
 
     def constant(self, name: str) -> Value | None:
-        """Return what a constant or a parameter is; None for one that is broken."""
+        """Value of a constant or a parameter; None for a broken one."""
         return self.resolve(self.constants[name], self.place("constants", name))
 
     def resolve(self, binding: Binding, place: s.Place) -> Value | None:
-        """Return the value of a binding, worked out now; None for one that is broken (and reported), or has no single value."""
+        """Work out the value of a binding now; None for a broken one (reported), or one without a single value."""
         try:
             if isinstance(binding, Lazy):
                 return binding.resolve(s.Name("", False, place))

@@ -71,7 +71,7 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
 
 
 def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
-    """Return values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
+    """Rename values to the spec's own names; unknown ones, and those given twice, are reported."""
     names = list(aliases.values())
     values = dict[str, Any]()
     for key, value in given.items():
@@ -115,7 +115,7 @@ def _require(context: Context, path: Path, scope: Scope) -> None:
 def _bind_parameter(
     context: Context, name: str, given: Mapping[str, Any], scope: Scope
 ) -> tuple[Parameter, Value] | None:
-    """Return a parameter bound to the given value or its default; None when it is broken (and reported)."""
+    """Bind a parameter to the given value or its default; None for a broken one (reported)."""
     path: Path = ("parameters", name)
     entry = context.data["parameters"][name]
     kind = entry.get("type", "real")
@@ -233,7 +233,6 @@ def bind_constants(context: Context, resolve: bool = True) -> None:
 
 
 def fixed_constants(context: Context) -> dict[str, Const]:
-    """Return the values of the constants."""
     constants = {}
     for name in context.data.get("constants") or {}:
         constants[name] = context.constant(name)
@@ -241,7 +240,7 @@ def fixed_constants(context: Context) -> dict[str, Const]:
 
 
 def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Value:
-    """Return a constant: an expression, a text grid, or a draw made once per instance."""
+    """Read a constant: an expression, a text grid, or a draw made once per instance."""
     path: Path = ("constants", name)
     value = context.data["constants"][name]
     if isinstance(value, dict) and "grid" in value:
@@ -266,7 +265,7 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
-    """Return a text grid: the legend gives the value of every character."""
+    """Read a text grid: the legend gives the value of every character."""
     is_block = isinstance(value["grid"], str)
     if is_block:
         lines = value["grid"].splitlines()
@@ -304,7 +303,7 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
 
 
 def bind_components(context: Context, section: str) -> tuple[Component, ...]:
-    """Return the components of a section; of one that is broken (and reported), the labels are known."""
+    """Read the components of a section; of a broken one (reported), the labels are known."""
     if not context.data[section]:
         hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
         context.report_key("E210", (section,), f"`{section}:` names no component", hint)
@@ -326,7 +325,7 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
 
 
 def component(context: Context, path: Path, scope: Scope) -> Component | None:
-    """Return the component declared at a path, or None when it is broken (and reported)."""
+    """Read the component declared at a path; None for a broken one (reported)."""
     name = str(path[-1])
     entry = context.forms.value(path)
     shown = {k: entry.get(k) for k in ("symbol", "doc")}
@@ -357,7 +356,7 @@ def component(context: Context, path: Path, scope: Scope) -> Component | None:
 
 
 def fits(context: Context, size: int, place: Placed, what: str, least: int = 0) -> bool:
-    """Return whether something may have so many elements; reported (E307, E314) where it may not."""
+    """Test whether something may have so many elements; reported (E307, E314) where it may not."""
     most = limits().width
     if size < least:
         message = f"{what} has no element for these parameters"
@@ -383,7 +382,7 @@ def check_order(context: Context, low: Sequence[float], high: Sequence[float], p
 
 
 def bound(context: Context, key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
-    """Return a bound of the component declared at a path, one number for each element."""
+    """Read a bound of the component declared at a path, one number for each element."""
     if context.forms.value(path).get(key) is None:
         return (_ENDLESS[key],) * type_.size
     expr = context.expr((*path, key))
@@ -428,7 +427,6 @@ def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope
 
 
 def bind_horizon(context: Context) -> int | None:
-    """Return the horizon; None without one."""
     if context.data["horizon"] in (None, "none"):
         return None
     try:
@@ -444,7 +442,7 @@ def bind_horizon(context: Context) -> int | None:
 
 
 def bind_discount(context: Context) -> float:
-    """Return the discount; 1 where it is not given, or broken (and reported)."""
+    """Read the discount; 1 where it is not given, or broken (reported)."""
     if "discount" not in context.data:
         return 1.0
     try:

@@ -34,11 +34,11 @@ class Forms:
         """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
 
     def expr(self, path: Path) -> s.Expr | None:
-        """Return the expression at a path, or None when it is broken (and reported)."""
+        """Read the expression at a path; None for a broken one (reported)."""
         return self.tree(self.value(path), path)
 
     def optional(self, path: Path) -> s.Expr | None:
-        """Return the expression at a path; None when it is broken (and reported), or when there is nothing."""
+        """Read the expression at a path; None for a broken one (reported), or without one."""
         if self.value(path[:-1]).get(path[-1]) is None:
             return None
         return self.expr(path)
@@ -53,7 +53,7 @@ class Forms:
         return s.SourceText(value, lambda start, end: self.merged.span(path, start, end))
 
     def place(self, path: Path) -> s.Place:
-        """Return the whole value at a path, as a place."""
+        """Span of the whole value at a path."""
         return s.Place(s.SourceText("", lambda start, end: self.merged.span(path)), 0, 0)
 
     def report(self, problem: Problem, path: Path) -> None:
@@ -88,7 +88,7 @@ class Forms:
         return None
 
     def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
-        """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
+        """Parse a text; a text without a mistake is parsed once for all builds of the spec."""
         key = (path, text.value, limits().characters)
         syntax: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
         if syntax is not None:
@@ -107,7 +107,7 @@ class Forms:
         return None
 
     def _in_brackets(self, item: str, path: Path) -> s.SourceText:
-        """Return the only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
+        """Put the only text of a list into brackets: `[f(i) for i in range(n)]` is a comprehension."""
 
         def locate(start: int, end: int) -> Span:
             return self.merged.span(path, max(start - 1, 0), min(end - 1, len(item)))
@@ -117,7 +117,7 @@ class Forms:
     # -- cases ----------------------------------------------------------------------------------------------------
 
     def _cases(self, items: list[Any], path: Path) -> s.Expr | None:
-        """Return entries `if:` and `then:`, and a last `else:`."""
+        """Read entries `if:` and `then:`, and a last `else:`."""
         branches = []
         otherwise = None
         for i, item in enumerate(items):
@@ -143,7 +143,7 @@ class Forms:
         return otherwise
 
     def _is_case(self, item: dict[str, Any], is_last: bool, path: Path) -> bool:
-        """Return whether an entry is a case that may stand where it does; what is wrong is reported."""
+        """Test whether an entry is a case that may stand at its position; mistakes are reported."""
         if is_last and "else" not in item:
             hint = "add `- else: ...` for all other cases"
             self.report(Problem("E209", (), "the last case must be `else`", hint), path)
@@ -158,7 +158,7 @@ class Forms:
         return self._has_keys(item, ("else",), "E209", "case", path) and is_last
 
     def _has_keys(self, entry: dict[str, Any], keys: tuple[str, ...], code: str, what: str, path: Path) -> bool:
-        """Return whether an entry has these keys and no others; what it has too many or lacks is reported."""
+        """Test whether an entry has these keys and no others; mistakes are reported."""
         for key in entry:
             if key not in keys:
                 self.report(values.unknown_key(key, keys), (*path, key))
@@ -200,7 +200,7 @@ class Forms:
         return None
 
     def key(self, key: str, path: Path) -> s.Expr | None:
-        """Return a key of a table or of a distribution: an expression on the left of a colon."""
+        """Read a key of a table or of a distribution: an expression on the left of a colon."""
         text = s.SourceText(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
         if key in ("true", "false"):
             return literal(key == "true", text)
@@ -275,7 +275,7 @@ class Forms:
 
 
 def is_word(label: str) -> bool:
-    """Return whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
+    """Test whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
     return label.isidentifier() and not iskeyword(label)
 
 

@@ -21,7 +21,7 @@ from taskspec.language.task.task import Task
 
 
 def legal_condition(context: Context, names: Names) -> Node | None:
-    """Return the condition for an action to be legal; None where all actions are, or it is broken (and reported)."""
+    """Read the condition for an action to be legal; None where all actions are, or it is broken (reported)."""
     if "legal" not in context.data:
         return None
     expr = context.exprs["legal"]
@@ -48,7 +48,7 @@ def legal_condition(context: Context, names: Names) -> Node | None:
 
 
 def with_all_actions(task: Task) -> Task:
-    """Return the task in which all actions are legal, and have the effect that the equations give."""
+    """Make all actions legal, with the effect that the equations give."""
     if task.process.legal is None:
         return task
     source = replace(task.source, content_hash=f"{task.content_hash} with all actions")
@@ -56,20 +56,20 @@ def with_all_actions(task: Task) -> Task:
 
 
 def action_mask(task: Task, states: Mapping[str, Array]) -> Array:
-    """Return which actions are legal in some states by component, (*shape, N): bool (n, N), for a task with `legal`."""
+    """Legal actions in some states by component, (*shape, N): bool (n, N), for a task with `legal`."""
     lanes = next(iter(states.values())).shape[-1]
     (mask,) = evaluate(task.mask, {(Role.STATE, name): value for name, value in states.items()})
     return np.broadcast_to(mask, (*task.mask[0].type.shape, lanes))
 
 
 def choices(task: Task, states: Mapping[str, Array]) -> Array:
-    """Return the actions (n, N) that policies choose from: the legal ones; where there is none, all."""
+    """Actions (n, N) that policies choose from: the legal ones; where there is none, all."""
     mask = action_mask(task, states)
     return mask | ~mask.any(axis=0)
 
 
 def legal_at_random(task: Task, states: Mapping[str, Array], words: Array) -> dict[str, Array]:
-    """Return uniformly random legal actions by component, (N,), from random words, uint32 (N,)."""
+    """Draw uniformly random legal actions by component, (N,), from random words, uint32 (N,)."""
     (c,) = task.action
     legal = choices(task, states)
     place = draws.indices(words, legal.sum(axis=0))
@@ -80,7 +80,7 @@ def legal_at_random(task: Task, states: Mapping[str, Array], words: Array) -> di
 
 
 def restricted(probabilities: Array, legal: Array) -> Array:
-    """Return probabilities (..., A) of actions, given that a legal one is taken; uniform where no legal one was probable."""
+    """Condition probabilities (..., A) on legal actions; uniform where no legal action was probable."""
     kept = np.where(legal, probabilities, 0.0)
     kept = np.where(kept.any(axis=-1, keepdims=True), kept, legal)
     return np.asarray(kept / kept.sum(axis=-1, keepdims=True))

@@ -51,16 +51,16 @@ class Merged:
     """Expressions that were read, by their places and texts, so that builds for other values read none of them again."""
 
     def written(self, path: Path) -> Place:
-        """Return where what stands at a path of the merged data was written."""
+        """Place at which a path of the merged data was written."""
         return _place(self.moved, self.document, path)
 
     def origin(self, path: Path) -> Place:
-        """Return the document and the variant (as a path) that wrote what stands at a path."""
+        """Document and variant (as a path) that wrote a path."""
         document, there = self.written(path)
         return document, there[: len(there) - len(path)]
 
     def is_own(self, path: Path) -> bool:
-        """Return whether it was written by this variant, or this spec, and not by what it is based on."""
+        """Test whether a path was written by this variant, or this spec, and not by its base."""
         return self.origin(path) == (self.document, _root(self.variant))
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
@@ -82,7 +82,7 @@ Step: TypeAlias = tuple[Document, str | None]
 
 
 def task_name(name: str, variant: str) -> str:
-    """Return the name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
+    """Name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
     if variant.startswith(name):
         return variant
     return name + variant[:1].upper() + variant[1:]
@@ -100,7 +100,7 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
 
 
 def complete(document: Document) -> list[str | None]:
-    """Return the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
+    """List the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
     variants = list(variant_names(document.data).values())
     if len(variants) > 1 and merge(document).missing:
         return variants[1:]
@@ -108,7 +108,7 @@ def complete(document: Document) -> list[str | None]:
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:
-    """Return the spec with a variant's overrides (by key or by task name), merged into all that it is based on.
+    """Merge a variant's overrides (by key or by task name) into all that it is based on.
 
     Raises:
         SpecError: when there is no such variant, or variants are based on each other in a circle.
@@ -177,7 +177,7 @@ def _sections(document: Document, variant: str | None) -> dict[str, Any]:
 def _entries(
     section: str, over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
 ) -> tuple[dict[str, Any], list[Path]]:
-    """Return the entries of a section with those that are overridden, and the paths of those that change nothing there is."""
+    """Override entries of a section; also the paths of overrides that change no entry."""
     if section not in data:
         _move(moved, (section,), here)
     result = dict(data.get(section) or {})
@@ -206,7 +206,7 @@ def _entries(
 def _claims(
     over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
 ) -> tuple[list[Any], list[Path]]:
-    """Return the claims without those that are dropped and with those that are added, and those dropped that there are not."""
+    """Drop and add claims; also the dropped ones that do not exist."""
     document, start = here
     dropped = {}
     for i, claim in enumerate(over.get("drop") or ()):
@@ -227,7 +227,7 @@ def _claims(
 
 
 def abstracted(merged: Merged) -> Merged | None:
-    """Return the finite stand-in that a spec declares, as a spec of its own; None when it declares none.
+    """Finite stand-in that a spec declares, as a spec of its own; None without one.
 
     The sections under `abstraction` (all but `map`) replace those of the same name.
     """
@@ -254,7 +254,7 @@ def abstracted(merged: Merged) -> Merged | None:
 
 
 def stripped(merged: Merged) -> Merged:
-    """Return what resets and steps a task, and no more."""
+    """Keep the sections that reset and step a task."""
     data = {}
     for key, value in merged.data.items():
         if key not in _BESIDE:
@@ -278,7 +278,7 @@ def _key(document: Document, variant: str) -> str:
 
 
 def _base(step: Step) -> Step | None:
-    """Return what a variant, or a spec, says it is based on; None for a spec that extends no other."""
+    """Place on which a variant, or a spec, is based; None for a spec that extends no other."""
     document, variant = step
     over = _sections(document, variant)
     if "extends" not in over and variant is None:
@@ -293,7 +293,7 @@ def _base(step: Step) -> Step | None:
 
 
 def lineage(step: Step) -> Iterator[Step]:
-    """Yield a variant, or a spec, what it is based on, and so on."""
+    """Yield a variant, or a spec, its base, the base of that, and so on."""
     seen: set[Step] = set()
     current: Step | None = step
     while current is not None:
@@ -306,7 +306,7 @@ def lineage(step: Step) -> Iterator[Step]:
 
 
 def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
-    """Return where what stands at a path of merged data was written: in the document itself unless it was moved."""
+    """Place at which a path of merged data was written: in the document itself unless it was moved."""
     for n in range(len(path), 0, -1):
         if path[:n] in moved:
             there, start = moved[path[:n]]
@@ -315,12 +315,12 @@ def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
 
 
 def statement(claim: Any) -> str:
-    """Return what a claim says, however it is laid out."""
+    """Normalize the spaces of a claim."""
     return " ".join(str(claim["claim"] if isinstance(claim, dict) else claim).split())
 
 
 def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Return what an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
+    """Keep parts of an entry when some of its keys are overridden: with another type, the keys of any type."""
     if over.get("type", old.get("type")) == old.get("type"):
         return old
     kept = {}

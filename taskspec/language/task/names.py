@@ -61,7 +61,7 @@ class Names:
         """Next values as the dynamics have them, in and out of range."""
 
     def scope(self, section: str) -> Scope:
-        """Return the names visible in a section; made once."""
+        """Names visible in a section; made once."""
         known = self.context.named_scopes.get(section)
         if known is not None:
             return known
@@ -71,7 +71,7 @@ class Names:
         return self._finished(section, bindings)
 
     def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
-        """Return the names visible in `first memory` or `memory`: what is seen, the memory itself, and the action before."""
+        """Names visible in `first memory` or `memory`: the observation, the memory itself, and the action before."""
         visible: dict[str, Binding] = dict(seen)
         hint = None
         if section == "memory":
@@ -88,7 +88,7 @@ class Names:
         return self._restricted(section, visible, "a memory is computed from observations, and '{}' is not", hint)
 
     def map_scope(self, section: str, visible: Mapping[str, Binding]) -> Scope:
-        """Return the names visible in a map of a symmetry: what is mapped, and what is fixed."""
+        """Names visible in a map of a symmetry: the mapped components, and what is fixed."""
         return self._restricted(section, visible, "a symmetry maps observations and actions; '{}' is not part of this")
 
     def _restricted(self, section: str, visible: Mapping[str, Binding], message: str, hint: str | None = None) -> Scope:
@@ -103,7 +103,7 @@ class Names:
         return self._finished(section, bindings)
 
     def initial_scope(self) -> Scope:
-        """Return the names visible in `initial`; components join as their lines are read (`define`)."""
+        """Names visible in `initial`; components join as their lines are read (`define`)."""
         context = self.context
         bindings: dict[str, Binding] = dict(context.constants)
         for c in context.state:
@@ -186,7 +186,7 @@ class Names:
             bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward` and `measures`")
 
     def end(self, at: s.Expr) -> Value:
-        """Return whether a step ends the episode, worked out on first use.
+        """Condition on which a step ends the episode, worked out on first use.
 
         Raises:
             Poisoned: when the condition is broken; its mistakes are reported once.
@@ -212,7 +212,7 @@ class Names:
                 bindings[name] = Lazy(lambda at, n=name: self._drawn(n))  # type: ignore[misc]
 
     def _drawn(self, name: str) -> Value:
-        """Return a noise entry: drawn once per step, the same draw wherever it is named."""
+        """Read a noise entry: drawn once per step, the same draw wherever it is named."""
         builder = self.context.builder
         if name not in self._noise:
             expr = self.context.exprs["noise"].get(name)
@@ -226,7 +226,7 @@ class Names:
         return value
 
     def _noise_of_reset(self, name: str, at: s.Name, section: str) -> Value:
-        """Return a noise that a reset draws, too: one that depends on no step."""
+        """Noise that a reset draws, too: it depends on no step."""
         value = self._drawn(name)
         if any(role is not Role.PARAMETER for role, _ in reads([value.node])):
             message = f"the noise '{name}' depends on the state or the action before the step"
@@ -259,7 +259,7 @@ class Names:
     # -- next values ----------------------------------------------------------------------------------------------
 
     def next_value(self, name: str, at: s.Name) -> Value:
-        """Return the next value of a component, worked out on first use; without a line of `dynamics` it stays as it is."""
+        """Next value of a component, worked out on first use; without a line of `dynamics` it stays the same."""
         if name not in self.next:
             self.next[name] = self._changed(name, at)
         return self.next[name]
@@ -284,7 +284,7 @@ class Names:
 
 
 def signature(written: str) -> tuple[str, tuple[str, ...] | None]:
-    """Return name and arguments of a definition: `p(x, y)` is ("p", ("x", "y")), `p` is ("p", None)."""
+    """Split a definition into name and arguments: `p(x, y)` is ("p", ("x", "y")), `p` is ("p", None)."""
     name, bracket, rest = written.partition("(")
     if not bracket:
         return name.strip(), None

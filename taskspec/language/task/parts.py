@@ -35,7 +35,7 @@ class Varying:
 
 
 def convert(value: Any, kind: str) -> Any:
-    """Return a value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
+    """Convert a value to the kind of a parameter; None for another kind, no number, or a too large one."""
     if isinstance(value, np.generic):
         value = value.item()
     if kind == "bool":
@@ -63,7 +63,7 @@ def article(kind: str) -> str:
 
 
 def brief(value: Any) -> str:
-    """Return a value from Python in a few words; ints may be longer than Python is willing to print."""
+    """Show a value from Python in a few words; ints may be longer than Python is willing to print."""
     if isinstance(value, int) and abs(value) > INT_WIDEST:
         return f"one of {value.bit_length()} bits"
     return reprlib.repr(value)
@@ -82,7 +82,7 @@ def cases(grid: Grid) -> Iterator[dict[str, Any]]:
 
 
 def size(grid: Grid) -> int:
-    """Return how many choices there are, without listing them."""
+    """Count the choices, without listing them."""
     return sum(prod(len(as_list(value)) for value in entry.values()) for entry in _entries(grid))
 
 
@@ -93,7 +93,7 @@ def _entries(grid: Grid) -> Sequence[Mapping[str, Any]]:
 
 
 def as_list(value: Any) -> list[Any]:
-    """Return a list, that of a single value for one."""
+    """Wrap a single value in a list."""
     if isinstance(value, list):
         return value
     return [value]
@@ -167,17 +167,16 @@ class Component:
 
 
 def by_name(components: Iterable[Component], values: Iterable[T]) -> dict[str, T]:
-    """Return one value for each component, by its name."""
     return {c.name: value for c, value in zip(components, values, strict=True)}
 
 
 def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) -> dict[tuple[Role, str], T]:
-    """Return one value for each component, by what reads it in a role."""
+    """Key one value for each component by the component's read in a role."""
     return {(role, c.name): value for c, value in zip(components, values, strict=True)}
 
 
 def counts_of(components: Iterable[Component]) -> list[int]:
-    """Return how many values each element of finite components takes, one component after the other."""
+    """Count the values of each element of finite components, one component after the other."""
     counts: list[int] = []
     for c in components:
         counts += c.counts
@@ -185,7 +184,6 @@ def counts_of(components: Iterable[Component]) -> list[int]:
 
 
 def are_finite(components: Iterable[Component]) -> bool:
-    """Return whether all components together take finitely many values."""
     return all(c.is_finite for c in components)
 
 
@@ -227,7 +225,7 @@ class ExpertMemory:
         return (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
 
     def only(self, kept: Sequence[int]) -> ExpertMemory:
-        """Return the memory with some of its components, by number."""
+        """Keep some components of the memory, by number."""
 
         def chosen(column: Sequence[T]) -> tuple[T, ...]:
             return tuple(column[i] for i in kept)
@@ -402,7 +400,7 @@ class Figure:
         for node in (self.curve, self.values):
             if node is not None:
                 single.append(node)
-        places = []
+        places: list[Node] = []
         for at in self.objects.values():
             places += at
         return (*self.at, *places, *single, *self.highlight.values())
@@ -421,7 +419,7 @@ class Surface:
     expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
-        """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""
+        """Value of a part of a section when the task was built; None for one in a comprehension or a definition."""
         value = self.meanings.get((section, id(part)))
         if value is None:
             return None

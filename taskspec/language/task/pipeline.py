@@ -28,7 +28,7 @@ SEMANTIC = (
 
 
 def task_of(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
-    """Return the task of merged sections whose shape is right.
+    """Build the task of merged sections whose shape is right.
 
     Raises:
         SpecError: with every mistake found, or with the limit that there are too many operations for.
@@ -69,7 +69,7 @@ def _line(d: Diagnostic, beside: Diagnostic) -> str:
 
 
 def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str) -> Task:
-    """Return the task of a merged spec: everything declared is bound, then each section becomes nodes, in this order.
+    """Build the task of a merged spec: everything declared is bound, then each section becomes nodes, in this order.
 
     Mistakes are collected in `context` and raised together, as soon as nothing more can be read without what is broken.
     """

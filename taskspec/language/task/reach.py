@@ -26,7 +26,7 @@ MAX_STEPS = 256
 def reach(
     state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None, tight: bool = False
 ) -> dict[str, Interval]:  # fmt: skip
-    """Return an interval for every component that holds all its elements at every time of an episode.
+    """Bound every component by an interval that holds all its elements at every time of an episode.
 
     Where all components are declared with bounds these are kept, unless `tight` ones are asked for. Without a horizon, or with
     one of more than MAX_STEPS steps, what has not settled by then may be anything.
@@ -82,7 +82,7 @@ def _move(nodes: Iterable[tuple[Node, tuple[int, ...]]], known: dict[int, Range]
 
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
-    """Return what is known of the state reads below some nodes, for `interval.bounds`."""
+    """Ranges of the state reads below some nodes, for `interval.bounds`."""
     known = {}
     for n in walk(roots):
         if isinstance(n, Read) and n.role is Role.STATE and n.name in reached:
@@ -103,7 +103,7 @@ Rule = Callable[[Node, Args], Range]
 
 
 def kept(builder: Builder, c: Component, node: Node) -> Node:
-    """Return a value of a state component, moved to the nearest end of its range if it might leave it. Of ints only."""
+    """Clamp the value of a state component to its range if it might leave it. Of ints only."""
     if c.type.kind is not Kind.INT or not c.type.size or (isinstance(node, Read) and (node.role, node.name) == c.read):
         return node
     if len(set(c.low)) == len(set(c.high)) == 1:
@@ -127,7 +127,7 @@ def saturated(
     following: Sequence[Node],
     horizon: int | None,
 ) -> list[Node]:
-    """Return next states in which ints without bounds stop at +-(2**31 - 1), where they could get further within the horizon."""
+    """Stop ints of next states at +-(2**31 - 1) that have no bounds and could get further within the horizon."""
     reached = reach(state, initial, following, horizon)
     nexts = []
     for c, node in zip(state, following, strict=True):
@@ -142,7 +142,7 @@ def saturated(
 def widest(
     roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, Range] | None = None, step: Rule = interval.step
 ) -> float:
-    """Return the largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
+    """Largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
 
     `reads` says more of some reads, by id, than their declarations do; `step` is the arithmetic, such as that of single floats.
     """
@@ -190,7 +190,7 @@ class Observed:
     def expression(
         self, name: str, value: Value, low: Sequence[float] | None = None, high: Sequence[float] | None = None
     ) -> Component:
-        """Return an observed expression; `low` and `high` are declared bounds, one for each element."""
+        """Read an observed expression; `low` and `high` are declared bounds, one for each element."""
         if value.node.type.size:
             lows, highs = zip(*self.edges(value.node), strict=True)
         else:
@@ -207,7 +207,7 @@ class Observed:
         return Component(name, value.node.type, tuple(low or lows), tuple(high or highs), value.domain, symbol, doc)
 
     def edges(self, node: Node) -> Edges:
-        """Return bounds of every element: of a state component as declared, of a vector part by part."""
+        """Bounds of every element: of a state component as declared, of a vector part by part."""
         match node:
             case Read(role=Role.STATE, name=name):
                 c = self.components[name]
@@ -244,7 +244,7 @@ class Observed:
 
 
 def what_is_seen(builder: Builder, observation: Observation, role: Role = Role.NEXT) -> Mapping[str, Value]:
-    """Return what is observed, by name, as the memory and symmetries read it (NEXT), or the expert (STATE)."""
+    """Bind observations by name, as the memory and symmetries read them (NEXT), or the expert (STATE)."""
     seen = {}
     for c, node in zip(observation.components, observation.nodes, strict=True):
         read = builder.read(role, c.name, c.type, *builder.certain(node))

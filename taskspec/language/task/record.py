@@ -21,7 +21,7 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def record(task: Task) -> dict[str, Any]:
-    """Return a task as plain data."""
+    """Convert a task to plain data."""
     spec = task.spec
     expert: str | None = "expression"
     if task.annotations.expert is None or isinstance(task.annotations.expert, str):
@@ -55,7 +55,7 @@ def record(task: Task) -> dict[str, Any]:
 
 
 def constants(task: Task) -> dict[str, Any]:
-    """Return the constants of a task; those that are drawn have the values of this instance."""
+    """Values of the constants of a task; drawn ones have the values of this instance."""
     values: dict[str, Any] = {}
     for name, value in task.constants.items():
         if isinstance(value, bool | int | float):
@@ -88,14 +88,14 @@ def _bound(values: Sequence[float]) -> Any:
 
 
 def count(components: Sequence[Component]) -> int | None:
-    """Return the number of values of components together; None where it is not finite."""
+    """Count the values of components together; None for infinitely many."""
     if not are_finite(components):
         return None
     return math.prod(counts_of(components))
 
 
 def size(task: Task | Outline) -> str:
-    """Return states times actions, or the sets of their values: `21 × 2`, `ℝ⁵⁰ × 2`."""
+    """Write states times actions, or the sets of their values: `21 × 2`, `ℝ⁵⁰ × 2`."""
     return f"{_extent(task.state)} × {_extent(task.action)}"
 
 
@@ -126,7 +126,7 @@ def horizon(task: Task | Outline) -> str:
 
 
 def space(layout: SpaceLayout) -> dict[str, Any]:
-    """Return a Gymnasium space as plain data."""
+    """Convert a Gymnasium space to plain data."""
     match layout.form:
         case "discrete":
             c = layout.components[0]
@@ -144,7 +144,7 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
 
 
 def space_words(layout: SpaceLayout) -> str:
-    """Return a Gymnasium space in words: `Discrete(21)`, `Box(50) in [0, 1]`."""
+    """Write a Gymnasium space in words: `Discrete(21)`, `Box(50) in [0, 1]`."""
     words = space(layout)
     match words:
         case {"space": "Discrete", "n": n, "start": start}:
@@ -171,14 +171,14 @@ def _listed(items: Sequence[Any]) -> str:
 
 
 def interval(low: float, high: float) -> str:
-    """Return an interval such as `[0, 1]`, open where there is no bound."""
+    """Write an interval such as `[0, 1]`, open where there is no bound."""
     left = "(" if math.isinf(low) else "["
     right = ")" if math.isinf(high) else "]"
     return f"{left}{decimal(low)}, {decimal(high)}{right}"
 
 
 def domain_words(c: Component | Parameter) -> str:
-    """Return the domain of a component or a parameter: `int 0..20`, `real in [0, 1]`, `up | down`."""
+    """Write the domain of a component or a parameter: `int 0..20`, `real in [0, 1]`, `up | down`."""
     labels: Sequence[Any] | None
     if isinstance(c, Parameter):
         labels = c.values
@@ -209,7 +209,6 @@ def domain_words(c: Component | Parameter) -> str:
 
 
 def label_words(domain: Domain) -> list[str]:
-    """Return labels, each with its value."""
     if domain.values is None:
         return list(domain.labels)
     words = []
@@ -219,7 +218,6 @@ def label_words(domain: Domain) -> list[str]:
 
 
 def _value(value: Any) -> str:
-    """Return the value of a label: a number, or a flat vector."""
     if isinstance(value, tuple | list):
         return f"({', '.join(map(setting, value))})"
     return setting(value)
@@ -232,6 +230,6 @@ def _end(value: float) -> str:
 
 
 def settings(task: Task | Outline) -> str:
-    """Return the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
+    """Write the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
     values = " ".join(f"{p.name}={setting(p.value)}" for p in task.parameters)
     return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])

@@ -44,7 +44,7 @@ def parse_sections(context: Context) -> None:
 
 
 def initial_values(context: Context, names: Names) -> list[Node]:
-    """Return nodes of the first state, in order; later lines see earlier ones."""
+    """Read the first state, in order; later lines see earlier ones."""
     scope = names.initial_scope()
     _check_names(context, "initial", all_names(context.state))
     components = entries_by_name(context.state)
@@ -87,7 +87,7 @@ def _check_names(context: Context, section: str, known: list[str]) -> None:
 
 
 def next_values(context: Context, names: Names) -> list[Node]:
-    """Return nodes of the next state, in order; a component that is not named keeps its value."""
+    """Read the next state, in order; a component that is not named keeps its value."""
     _check_names(context, "dynamics", [c.name + "'" for c in context.state])
     place = context.place("dynamics")
     values = []
@@ -100,7 +100,7 @@ def next_values(context: Context, names: Names) -> list[Node]:
 
 
 def saturate(context: Context, names: Names, initial: list[Node], following: list[Node]) -> list[Node]:
-    """Return next states with ints that fit; what reads a next value later reads that."""
+    """Bound ints of next states so that they fit; all later reads of next values read the bounded ones."""
     if not len(initial) == len(following) == len(context.state):
         return following
     nexts = saturated(context.builder, context.state, initial, following, context.horizon)
@@ -134,7 +134,7 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
 
 
 def end_condition(context: Context, names: Names) -> Node | None:
-    """Return the condition that ends an episode, which `reward` may have named before; never, where there is none."""
+    """Read the condition that ends an episode, which `reward` may have named before; never, without one."""
     if "terminal" not in context.data:
         return context.builder.scalar(False)
     try:
@@ -144,14 +144,14 @@ def end_condition(context: Context, names: Names) -> Node | None:
 
 
 def single_number(context: Context, section: str, type_: Type, scope: Scope, default: Any = None) -> Node | None:
-    """Return a section that is one number: the reward, the absorbing reward."""
+    """Read a section that is one number: the reward, the absorbing reward."""
     if section not in context.data:
         return context.builder.const(default, type_)
     return _number(context, context.exprs[section], f"the {section}", type_, scope)
 
 
 def measures(context: Context, names: Names) -> dict[str, Node]:
-    """Return the measures by name, without those that are broken (and reported)."""
+    """Read the measures by name, without broken ones (reported)."""
     values: dict[str, Node] = {}
     for name, expr in context.exprs["measures"].items():
         node = _number(context, expr, f"the measure '{name}'", REAL, names.scope("measures"))
@@ -161,7 +161,7 @@ def measures(context: Context, names: Names) -> dict[str, Node]:
 
 
 def _number(context: Context, expr: s.Expr | None, what: str, kind: Type, scope: Scope) -> Node | None:
-    """Return an expression as a single number; None for a broken one (and reported)."""
+    """Read an expression as a single number; None for a broken one (reported)."""
     if expr is None:
         return None
     try:
@@ -184,12 +184,12 @@ def _number(context: Context, expr: s.Expr | None, what: str, kind: Type, scope:
 
 
 def is_bounded(entry: Any) -> bool:
-    """Return whether an observation is written `{value: expression, low: ..., high: ...}`."""
+    """Test whether an observation is written `{value: expression, low: ..., high: ...}`."""
     return isinstance(entry, dict) and "value" in entry and entry.keys() <= {"value", "low", "high"}
 
 
 def observed(context: Context, names: Names, initial: list[Node], following: list[Node]) -> Observation:
-    """Return what the agent sees: the declared expressions, or else the state."""
+    """Read the observation: the declared expressions, or else the state."""
     space = (context.data.get("observation") or {}).get("space", "auto")
     whole = len(initial) == len(following) == len(context.state)
     if whole:
@@ -257,7 +257,7 @@ def _edge(context: Context, name: str, key: str, type_: Type) -> tuple[float, ..
 
 
 def expert_action(context: Context, names: Names) -> Expert:
-    """Return the action of the expert: `optimal`, `soft(beta)`, an expression for each component, or a single one."""
+    """Read the action of the expert: `optimal`, `soft(beta)`, an expression for each component, or a single one."""
     value = context.data.get("expert")
     if value is None:
         return None
@@ -290,7 +290,7 @@ def expert_action(context: Context, names: Names) -> Expert:
 def by_component(
     context: Context, path: Path, exprs: Mapping[str, s.Expr | None], scope: Scope, is_whole: bool
 ) -> tuple[Node, ...] | None:
-    """Return a value for each action component, None for a broken one (and reported); `is_whole` where all must be given."""
+    """Read a value for each action component, None for a broken one (reported); `is_whole` where all must be given."""
     known = all_names(context.action)
     for name in exprs:
         if name not in known:
@@ -313,7 +313,7 @@ def by_component(
 
 
 def abstraction_map(context: Context, names: Names) -> list[Node]:
-    """Return the values that the components of the finite stand-in have in a state."""
+    """Read the values that the components of the finite stand-in have in a state."""
     if not context.data.get("abstraction"):
         return []
     scope = names.scope("abstraction")
@@ -341,7 +341,7 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
 
 
 def claims(context: Context) -> Iterator[Claim]:
-    """Yield the claims as surface syntax; they are evaluated on the exact model."""
+    """Parse the claims; they are evaluated on the exact model."""
     written = context.data.get("claims") or []
     entries: list[dict[str, Any]] = []
     for entry in written:

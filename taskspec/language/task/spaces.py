@@ -56,7 +56,7 @@ class Segment:
     values: range | None = None
 
     def columns(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """Return the numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
+        """Numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
         if self.values is not None:
             return np.asarray(rows[:, self.element, None] == np.array(self.values))
         if self.starts:
@@ -157,12 +157,11 @@ class SpaceLayout:
 
 
 def observation_layout(observation: Observation) -> SpaceLayout:
-    """Return an observation as one value."""
     return _layout(observation.components, observation.space, several="box")
 
 
 def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout:
-    """Return the action as one value; `is_number` says that its spec gives it no axis (`shape: []`).
+    """Layout of the action as one value; `is_number` says that its spec gives it no axis (`shape: []`).
 
     Ints of a box end where actions do, so that all that is sampled from it is valid.
     """
@@ -176,19 +175,18 @@ def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout
                 most.append(math.inf)
             else:
                 most.append(INT_SINGLE)
-    low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
-    high = []
-    for b, m in zip(layout.high, most, strict=True):
-        if math.isinf(b):
-            high.append(b)
-        else:
-            high.append(min(b, m))
-    high = tuple(high)
+    low = list(layout.low)
+    high = list(layout.high)
+    for i, m in enumerate(most):
+        if not math.isinf(low[i]):
+            low[i] = max(low[i], -m)
+        if not math.isinf(high[i]):
+            high[i] = min(high[i], m)
     if layout.shape or is_number:
         shape = layout.shape
     else:
         shape = (1,)
-    return replace(layout, shape=shape, low=low, high=high)
+    return replace(layout, shape=shape, low=tuple(low), high=tuple(high))
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:
@@ -217,7 +215,7 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
 
 
 def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
-    """Return the Gymnasium space that holds the values of a layout."""
+    """Gymnasium space that contains the values of a layout."""
     from gymnasium import spaces
 
     match layout.form:
@@ -242,7 +240,7 @@ def _component_space(c: Component) -> gymnasium.Space[Any]:
 
 
 def _box_space(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> gymnasium.Space[Any]:
-    """Return a float32 box. Gymnasium 0.29 refuses lower bounds of +inf and upper ones of -inf: constants that are infinite."""
+    """Make a float32 box. Gymnasium 0.29 refuses lower bounds of +inf and upper ones of -inf: constants that are infinite."""
     from gymnasium.spaces import Box
 
     lows = np.array(np.minimum(low, FLOAT_MAX), np.float32).reshape(shape)
@@ -251,13 +249,13 @@ def _box_space(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int
 
 
 def single(value: float) -> float:
-    """Return a bound as float32 holds it: values are compared in the precision they arrive in."""
+    """Round a bound to float32: values are compared in the precision they arrive in."""
     with np.errstate(over="ignore"):
         return float(np.float32(value))
 
 
 def singles(values: Any, shape: tuple[int, ...]) -> Any:
-    """Return numbers as a float32 array; those that are too large become infinite, without a warning."""
+    """Convert numbers to a float32 array; too large ones become infinite, without a warning."""
     with np.errstate(over="ignore"):
         return np.array(values, np.float32).reshape(shape)
 
@@ -296,7 +294,7 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
 
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
-    """Return a valid action (or observation, but for one-hot rows) of a layout as flat component values."""
+    """Split a valid action (or observation, but for one-hot rows) of a layout into flat component values."""
     if layout.is_dict:
         held = [value[part.name] for part in layout.parts]
     else:

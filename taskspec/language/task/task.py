@@ -170,11 +170,11 @@ class Task(InNotebooks):
     written_as: Task | None = field(default=None, repr=False)
 
     def with_process(self, **changes: Any) -> Task:
-        """Return the task with some fields of its process changed."""
+        """Change some fields of the process."""
         return replace(self, process=replace(self.process, **changes))
 
     def with_annotations(self, **changes: Any) -> Task:
-        """Return the task with some of its annotations changed."""
+        """Change some of the annotations."""
         return replace(self, annotations=replace(self.annotations, **changes))
 
     @property
@@ -198,7 +198,7 @@ class Task(InNotebooks):
         return self.written_as or self
 
     def state_left(self, section: str) -> str | None:
-        """Return a state component if the reward or the end of a step depends on the state that it leaves alone; else None."""
+        """State component that alone of the state left decides the reward or the end of a step; else None."""
         scope = self.source.surface.scopes.get(section)
         if scope is None:
             return None
@@ -370,7 +370,7 @@ class Task(InNotebooks):
         return self
 
     def remembering(self) -> Task:
-        """Return the same task with the expert's memory in its state; itself without a memory."""
+        """Put the expert's memory into the state; the task itself without a memory."""
         memory = self.annotations.memory
         if memory is None:
             return self
@@ -435,7 +435,7 @@ class Task(InNotebooks):
         yield from (*self.process.nodes, *self.observation.nodes, *self.annotations.nodes)
 
     def new_builder(self, more: Iterable[Expression] = ()) -> Builder:
-        """Return a builder for nodes made from those of this task: what equals one of them, or of `more`, is that one."""
+        """Make a builder for nodes over this task's: nodes equal to one of them, or of `more`, are shared."""
         return Builder.of((*self.nodes, *self.next_observation, *self.first_observation, *more))
 
     @property
@@ -472,7 +472,7 @@ def recall(
     action: Sequence[tuple[Any, ...]],
     t: int,
 ) -> list[tuple[Any, ...]]:
-    """Return what is remembered once something is seen, as flat values by component.
+    """Remember an observation: the expert's memory after it, as flat values by component.
 
     Args:
         seen: what is now observed, by component.

@@ -70,7 +70,6 @@ class Gymnax:
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info
 
     def is_truncated(self, state: State, params: Any = None) -> AnyArray:
-        """Return whether the horizon is reached."""
         return state.time >= self.default_params.max_steps_in_episode
 
     def _action(self, action: AnyArray) -> AnyArray:
@@ -176,7 +175,7 @@ class OpenParameters:
 
     @classmethod
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
-        """Return those of a task that is built with them open."""
+        """Open parameters of a task that is built with them open."""
         messages = tuple(message for _, message in task.process.required)
         fixed = []
         for p in task.parameters:
@@ -197,7 +196,7 @@ class OpenParameters:
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
-        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with unless given."""
+        """Arrays (N,) or (1,) of the parameters, lanes last; values with which the task was loaded unless given."""
         arrays = []
         for p in self.varying:
             value = getattr(params, p.name, p.value)
@@ -205,7 +204,7 @@ class OpenParameters:
         return tuple(arrays)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
-        """Return the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""
+        """Pay the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""
         allowed = list(self.conditions(*given))
         for p, value in zip(self.varying, given, strict=True):
             if p.low is not None:
@@ -231,7 +230,7 @@ class OpenParameters:
 
 @lru_cache(maxsize=256)
 def _params(opened: OpenParameters) -> Any:
-    """Return the class: the same for the same parameters, as JAX compares the classes of pytrees."""
+    """Make the class once for the same parameters, as JAX compares the classes of pytrees."""
     known = entries_by_name(opened.varying)
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
@@ -429,7 +428,7 @@ class Functional:
 
 
 def key_words(key: AnyArray) -> AnyArray:
-    """Return the two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
+    """Two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
     if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
     return jnp.asarray(key, jnp.uint32)[:2]

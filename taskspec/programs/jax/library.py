@@ -84,7 +84,7 @@ class RandomWords:
         return lax.bitcast_convert_type(self.word(k) ^ jnp.uint32(BIAS), jnp.int32)
 
     def rows(self, first: int, count: int) -> AnyArray:
-        """Return words first, first + 1, ...: uint32 (count, N)."""
+        """Words first, first + 1, ...: uint32 (count, N)."""
         if self._rows is None or first & 1:
             return jnp.stack([self.word(first + k) for k in range(count)])
         place = slice(first >> 1, (first + count + 1) >> 1)
@@ -120,7 +120,7 @@ class Rounding:
         return x + self._zero
 
     def horner(self, z: AnyArray, coefficients: Sequence[Any]) -> AnyArray:
-        """Return the polynomial in z with these coefficients, the constant first."""
+        """Evaluate a polynomial in z, the constant coefficient first."""
         *rest, value = coefficients
         for c in reversed(rest):
             value = c + self(z * value)
@@ -191,13 +191,13 @@ def indices(words: AnyArray, n: AnyArray) -> AnyArray:
 
 
 def categoricals(words: AnyArray, thresholds: AnyArray) -> AnyArray:
-    """Return how many of the ascending thresholds (uint32) are at most the word."""
+    """Count the ascending thresholds (uint32) that are at most the word."""
     outcomes = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
     return outcomes.astype(jnp.int32).reshape(words.shape)
 
 
 def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
-    """Return outcomes in proportion to weights (k, ...)."""
+    """Draw outcomes in proportion to weights (k, ...)."""
     rounded = Rounding(words[0])  # XLA adds up constants first
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]
     for weight in weights[1:]:
@@ -208,7 +208,7 @@ def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
 
 
 def poissons(words: AnyArray, rate: AnyArray, bound: float) -> AnyArray:
-    """Return counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
+    """Draw counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
     rounded = Rounding(words[:1])
     share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[None] / rounded(jnp.float32(len(words)))
     term = total = jnp.ones_like(share)
@@ -281,7 +281,7 @@ class JaxRuntime(Runtime):
         super().__init__(jnp, jnp.int32, jnp.float32)
 
     def look_up(self, table: AnyArray, i: AnyArray, axis: int) -> AnyArray:
-        """Return cells of a constant table at the indices i (N,): (N,), or (k, N) for a table (k, n)."""
+        """Look up cells of a constant table at the indices i (N,): (N,), or (k, N) for a table (k, n)."""
         if table.shape[-1] > CHAIN:
             return jnp.take(table, i, axis=axis, mode="clip")
         if axis == 0:

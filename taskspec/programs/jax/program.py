@@ -34,7 +34,7 @@ DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL:
 
 
 def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
-    """Return components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
+    """Join components (*shape, N) to one array (*shape, N), float32 or int32; a dict for dict spaces."""
     rows: list[list[AnyArray]] = [[] for _ in layout.parts]
     for segment in layout.segments:
         if layout.parts[segment.part].is_whole:
@@ -61,7 +61,7 @@ def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
 
 
 def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
-    """Return an action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
+    """Split an action (*shape, N), as Gymnasium gives it, into components (*shape, N)."""
     parts = []
     given = jnp.asarray(action)
     given = given.reshape(-1, given.shape[-1])
@@ -118,7 +118,7 @@ class JaxProgram:
     _step_words: int
 
     def reset(self, key: AnyArray, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
-        """Return the first state of lanes with the given keys, uint32 (2, N), and what is observed of it.
+        """First state of lanes with the given keys, uint32 (2, N), and its observation.
 
         `given` are parameters that the task leaves open, (N,) or (1,), in alphabetical order; so in all that follows.
         """
@@ -126,7 +126,7 @@ class JaxProgram:
         return self.begin(State((), zero.astype(jnp.int32), zero, zero, key), given)
 
     def begin(self, state: State, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
-        """Return the first state of the next episode of every lane."""
+        """First state of the next episode of every lane."""
         high, low = state.key
         words = library.RandomWords(low, high, state.episodes, draws.RESET, self._start_words)
         values, seen = self._start(words, *given)
@@ -138,7 +138,7 @@ class JaxProgram:
     def step(
         self, state: State, action: Sequence[AnyArray], given: Sequence[AnyArray] = ()
     ) -> tuple[State, StepResult]:
-        """Return a step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
+        """Step every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
         words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
         values, reward, terminal, measures, seen = self._step(words, state.time, *state.values, *action, *given)
@@ -159,7 +159,7 @@ class JaxProgram:
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
     def mask(self, state: State, given: Sequence[AnyArray] = ()) -> AnyArray:
-        """Return the legal actions of lanes, bool (n, N), for a task with `legal`."""
+        """Legal actions of lanes, bool (n, N), for a task with `legal`."""
         (c,) = self.task.action
         (legal,) = self._mask(*state.values, *given)
         return jnp.broadcast_to(legal, (*c.counts, *state.time.shape))
@@ -167,7 +167,7 @@ class JaxProgram:
     def again(
         self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
     ) -> tuple[State, tuple[AnyArray, ...]]:
-        """Return the state and the observation after a step, those of a new episode where one has ended."""
+        """State and observation after a step, from a new episode where one has ended."""
         ended = result.terminated | result.truncated
         fresh, seen = self.begin(state, given)
         values = tuple(jnp.where(ended, a, b) for a, b in zip(fresh.values, state.values, strict=True))
@@ -224,9 +224,7 @@ def compile_jax(task: Task) -> JaxProgram:
 
 
 def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
-    """Return the conditions on the parameters that a task leaves open, (N,) or (1,), of these parameters in alphabetical
-    order.
-    """
+    """Compile the conditions on open parameters, (N,) or (1,), over these parameters in alphabetical order."""
     constants: dict[str, Any] = {}
     body, values = _emit(task, [node for node, _ in task.process.required], task.reset_words, constants)
     lines = [f"def required({', '.join(open_names(task).values())}):", *indent(body)]
@@ -319,7 +317,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 
 def open_names(task: Task) -> dict[str, str]:
-    """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
+    """Parameters that a task leaves open, in alphabetical order, and their names in the source."""
     open_parameters = []
     for role, name in reads(task.roots):
         if role is Role.PARAMETER:
@@ -399,7 +397,7 @@ _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 
 def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
-    """Return the parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
+    """Order a dict by the layout: JAX orders dicts by their keys."""
     if layout.is_dict:
         return [seen[part.name] for part in layout.parts]
     return [seen]
@@ -407,7 +405,6 @@ def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
 
 @lru_cache(maxsize=64)
 def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
-    """Return the jitted reset and step of an autoreset mode."""
     program = compile_jax(task)
     layout = program.observation
 

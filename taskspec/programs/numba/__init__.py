@@ -107,7 +107,7 @@ class NumbaEngine:
         return ended
 
     def _read(self, actions: Any) -> Array:
-        """Return actions as an array that a step takes: int64, or float32 (float64 where they come so)."""
+        """Convert actions to an array that a step takes: int64, or float32 (float64 where they come so)."""
         array = action_array(actions, self.action, len(self._chosen))
         if self._dtype.kind == "i":
             return np.ascontiguousarray(array, np.int64)

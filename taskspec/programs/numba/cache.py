@@ -37,7 +37,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 @cache
 def load(source: str) -> ModuleType:
-    """Return a generated module, imported from a file in a folder that is named by the hash of all that is compiled.
+    """Import a generated module from a file in a folder that is named by the hash of all that is compiled.
 
     Raises:
         SpecError: E314, when it would take too long to compile.
@@ -63,7 +63,7 @@ def _imported(name: str, file: Path) -> ModuleType:
 
 
 def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
-    """Return a function of a generated module for arguments of such types, as Numba compiled it now or earlier.
+    """Get a function of a generated module for such arguments, as Numba compiled it now or earlier.
 
     Calls skip Numba's dispatch by types, which takes as long as everything else that is done once in a step.
     """
@@ -96,7 +96,7 @@ def _check_compile_time(source: str) -> None:
 
 
 def cache_folder() -> Path:
-    """Return `$TASKSPEC_CACHE`, or `taskspec` in the user's cache folder."""
+    """Locate the cache: `$TASKSPEC_CACHE`, or `taskspec` in the user's cache folder."""
     own = os.environ.get("TASKSPEC_CACHE")
     if own:
         return Path(own)
@@ -104,7 +104,7 @@ def cache_folder() -> Path:
 
 
 def private_folder(path: Path) -> Path | None:
-    """Return a folder that this user alone may enter, which is made if there is none; None if it cannot be used.
+    """Make a folder that this user alone may enter; None if it cannot be used.
 
     A warning says so where somebody else may write to it.
     """

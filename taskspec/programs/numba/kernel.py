@@ -31,7 +31,7 @@ WIDE = 64
 
 
 def suits(task: Task) -> bool:
-    """Return whether a kernel of the task compiles in reasonable time."""
+    """Test whether a kernel of the task compiles in reasonable time."""
     roots = (*task.reset_roots, *task.step_roots)
     nodes = []
     for n in walk(roots):
@@ -57,7 +57,7 @@ class KernelLane(LaneEmitter):
     reals: dict[int, Sequence[str]]
 
     def is_narrow(self, node: Node) -> bool:
-        """Return whether every element is an int that fits 32 bits."""
+        """Test whether every element is an int that fits 32 bits."""
         low, high = self.certain(node)
         return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
 
@@ -88,7 +88,7 @@ class KernelLane(LaneEmitter):
         return template
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
-        """Return every operation gets a name: what is shorter is folded by the compiler."""
+        """Fill a template, with a variable for every operation: the compiler folds the shorter ones."""
         return self.assign(template.format(*list(map(self.assign, args))))
 
     def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
@@ -119,7 +119,7 @@ class KernelLane(LaneEmitter):
         return [total]
 
     def _best(self, node: Apply, atoms: Sequence[str], sign: str, place: bool) -> list[str]:
-        """Return the best element or its place: a later one must be better, or the first that is a number."""
+        """Best element or its place: a later one must be better, or the first that is a number."""
         real = node.args[0].type.kind is Kind.REAL
         best = atoms[0]
         at = "0"
@@ -134,7 +134,7 @@ class KernelLane(LaneEmitter):
         return [f"i32({at})" if place else best]
 
     def order(self, atoms: Sequence[str], real: bool) -> list[str]:
-        """Return the places that sort: the rank of every element, then which element has each rank."""
+        """Places that sort: the rank of every element, then the element of each rank."""
         n = len(atoms)
         ranks = ["0"] * n
         for i in range(n):
@@ -152,7 +152,7 @@ class KernelLane(LaneEmitter):
         return order_of_places
 
     def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
-        """Return the value whose condition holds; one of them does."""
+        """Value whose condition holds; one of them does."""
         picked = values[0]
         for value, condition in zip(values[1:], conditions[1:], strict=True):
             picked = self.assign(f"select({condition}, {value}, {picked})")
@@ -201,7 +201,7 @@ class KernelLane(LaneEmitter):
         return self._chain(list(map(self.assign, self.atoms(x)[column::row])), at)
 
     def _chain(self, cells: Sequence[str], at: str) -> str:
-        """Return the cell at a place, as selects; the commonest constant needs none."""
+        """Cell at a place, by selects; the commonest constant needs none."""
         common = max(dict.fromkeys(cells), key=lambda c: (cells.count(c), c == cells[-1]))
         picked = common
         for k, cell in enumerate(cells):
@@ -210,7 +210,6 @@ class KernelLane(LaneEmitter):
         return picked
 
     def table(self, cells: Sequence[Any], kind: Kind) -> str:
-        """Return the name of a constant array."""
         dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
         if dtype is None:
             if all(abs(v) <= INT_MAX for v in cells):

@@ -164,7 +164,7 @@ def index(word: Any, n: Any) -> Any:
 
 @inner
 def search(table: Any, word: Any) -> Any:
-    """Return how many of the ascending thresholds are at most the word."""
+    """Count the ascending thresholds that are at most the word."""
     low = 0
     high = len(table)
     while low < high:
@@ -178,7 +178,7 @@ def search(table: Any, word: Any) -> Any:
 
 @inner
 def weighted(word: Any, weights: Any) -> Any:
-    """Return an outcome in proportion to float32 weights (a tuple)."""
+    """Draw an outcome in proportion to float32 weights (a tuple)."""
     total = f32(0)
     for w in weights:
         total = total + select(f32(w) > f32(0), f32(w), f32(0))
@@ -193,7 +193,7 @@ def weighted(word: Any, weights: Any) -> Any:
 
 @inner
 def poisson(words: Any, rate: Any, bound: Any, terms: Any) -> Any:
-    """Return a count at a rate of at most `bound`, shared among the words (a tuple)."""
+    """Draw a count at a rate of at most `bound`, shared among the words (a tuple)."""
     share = min(select(f32(rate) > f32(0), f32(rate), f32(0)), f32(bound)) / f32(len(words))
     total = term = f32(1)
     for k in range(1, terms + 1):
@@ -247,7 +247,7 @@ def gamma(w: Any, alpha: Any) -> Any:
 
 @inner
 def log_share(value: Any, largest: Any, shrink: Any) -> Any:
-    """Return the logarithm of a gamma variate, but for a summand that those of a draw have in common."""
+    """Logarithm of a gamma variate, less a summand that is common to the gammas of a draw."""
     ratio = value / largest
     return log32(select(ratio > f32(LEAST), ratio, f32(LEAST))) - shrink
 

@@ -85,7 +85,7 @@ class Program:
         return self.mode == "same_step" and not self.reset_words.count
 
     def rows_in(self, lines: Iterable[str]) -> list[str]:
-        """Return the rows that some statements name."""
+        """Rows that some statements name."""
         names = set(_NAMES.findall("\n".join(lines)))
         return [row for row in self.rows if row in names]
 
@@ -129,11 +129,10 @@ class Statements:
         self.values = self.lane.emit(kept)
 
     def scalar(self, place: int, cast: str) -> str:
-        """Return the name of a root that is a number."""
         return self.lane.assign(f"{cast}({(self.values[place].atoms or ['0'])[0]})")
 
     def state(self) -> dict[str, str]:
-        """Return the next value of every row of the state that changes."""
+        """Next value of every row of the state that changes."""
         stored = {}
         for rows, value, c in zip(self.p.states, self.values, self.p.task.state, strict=False):
             for row, atom in zip(rows, value.atoms or (), strict=True):
@@ -145,7 +144,7 @@ class Statements:
         return stored
 
     def observed(self) -> dict[str, str]:
-        """Return what is stored in each row of the observations."""
+        """Value to store in each row of the observations."""
         layout = self.p.observation
         values = self.values[len(self.values) - len(layout.components) :]
         stored = {}
@@ -259,7 +258,7 @@ def _loads(p: Program, words: WordLayout, body: Sequence[str], at: str) -> list[
 
 
 def _read_state(c: Component, k: int) -> str:
-    """Return a template that reads an element of a component: a condition, or 32 bits where it fits in."""
+    """Template that reads an element of a component: a condition, or 32 bits where it fits in."""
     if c.type.kind is Kind.BOOL:
         return "({} != 0)"
     if c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31:
@@ -309,7 +308,7 @@ def _stored(values: dict[str, str]) -> list[str]:
 
 
 def _results(p: Program, step: Statements, state: dict[str, str], seen: dict[str, str]) -> tuple[list[str], list[str]]:
-    """Return statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
+    """Store the next state and its observation; or the first state, where the episode has ended."""
     if not p.inline_reset:
         return ["time[j] = i64(t + 1)"], [*_stored(state), *_stored(seen)]
     start = Statements(p, p.reset_roots, p.reset_words)

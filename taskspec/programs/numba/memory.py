@@ -69,7 +69,7 @@ class Memory:
             self._bytes += field.size * field.item_size
 
     def rows(self) -> dict[str, str]:
-        """Return the source of a pointer to each row, from lane `first` on, by the names of `row_names`."""
+        """Source of a pointer to each row, from lane `first` on, by the names of `row_names`."""
         sources = {}
         for name, field in self._fields.items():
             pointer = _POINTERS[np.dtype(field.dtype).name]
@@ -78,7 +78,7 @@ class Memory:
         return sources
 
     def block(self, lanes: int, threads: int) -> Block:
-        """Return memory for some lanes, all zeros."""
+        """Allocate memory for some lanes, all zeros."""
         pitch = math.ceil(lanes / 64) * 64 + GAP
         words = 2 * math.ceil(self._bytes * pitch / 8)
         scratch = [words + k * self._scratch for k in range(threads)]
@@ -99,7 +99,7 @@ def _aligned(size: int) -> Array:
 
 
 def row_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Return a name for each element of an array: its name, with the number of the element if the array has a shape."""
+    """Name each element of an array: its name, with the number of the element if the array has a shape."""
     if not shape:
         return [name]
     return [f"{name}_{k}" for k in range(math.prod(shape))]

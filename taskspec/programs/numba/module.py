@@ -21,7 +21,7 @@ _IMPORTS = [
 
 
 def generate(task: Task, mode: Mode) -> tuple[str, Program]:
-    """Return the source of the module, and what it says about its memory."""
+    """Write the source of the module, with the layout of its memory."""
     p = Program(task, mode)
     advancing = advance(p)
     beginning = begin(p)

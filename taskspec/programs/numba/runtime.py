@@ -46,7 +46,7 @@ def apart(function: Any) -> Any:
 
 @intrinsic
 def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
-    """Return `a if condition else b` without a branch: both are evaluated."""
+    """Select `a if condition else b` without a branch: both are evaluated."""
     a = types.unliteral(a)
     b = types.unliteral(b)
     result = typing.unify_types(a, b)
@@ -123,7 +123,7 @@ def mod_int(a: Any, b: Any) -> Any:
 
 @inner
 def floordiv_real(a: Any, b: Any) -> Any:
-    """Return the exact quotient rounded down, as Python and NumPy do; a / b may have been rounded up."""
+    """Round the exact quotient down, as Python and NumPy do; a / b may have been rounded up."""
     if b == 0.0:
         return a / b
     if not (math.isfinite(a) and math.isfinite(b)):
@@ -136,7 +136,7 @@ def floordiv_real(a: Any, b: Any) -> Any:
 
 @inner
 def mod_real(a: Any, b: Any) -> Any:
-    """Return the remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
+    """Remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
     if b == 0.0 or not math.isfinite(a):
         return math.nan
     r = np.fmod(a, b)
@@ -232,7 +232,7 @@ def cos(x: Any) -> Any:
 
 @apart
 def gather(n: Any, flags: Any, lanes: Any) -> Any:
-    """Return the numbers of the lanes whose flag is set, and how many they are; `lanes` has room for n + 1."""
+    """Numbers of the lanes whose flag is set, and their count; `lanes` has room for n + 1."""
     m: Any = 0
     for j in range(n):
         lanes[m] = u32(j)

@@ -155,7 +155,7 @@ class Ready:
 
 
 def evaluated(nodes: Sequence[Node], layout: WordLayout, words: Array) -> list[Array]:
-    """Return values (*shape, columns) of nodes that depend on draws alone, from words (count, columns)."""
+    """Values (*shape, columns) of nodes that depend on draws alone, from words (count, columns)."""
     values = batch.evaluate(nodes, {}, batch_sampler(layout, words))
     columns = words.shape[-1]
     return [np.broadcast_to(v, (*n.type.shape, columns)) for n, v in zip(nodes, values, strict=True)]

@@ -34,7 +34,7 @@ class NumpyRuntime(Runtime):
         super().__init__(np, np.int64, np.float64)
 
     def index(self, x: Array, i: Array) -> Array:
-        """Return rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        """Pick rows of x (n, ..., N) at the indices i (..., N) of each lane."""
         lanes = x.shape[-1]
         if x.ndim != 2 or lanes == 1 or not x.flags.c_contiguous:
             return super().index(x, i)  # type: ignore[no-any-return]
@@ -135,7 +135,7 @@ def generate(
 
 
 def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
-    """Return whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
+    """Test whether NumPy might warn of an overflow or of nan: not where everything is whole numbers and look-ups."""
     reals = []
     for n in walk(roots):
         if isinstance(n, Apply) and n.type.kind is Kind.REAL:
@@ -153,7 +153,7 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
     def drawn(draw: Draw, args: Sequence[str]) -> str:
-        """Return a draw whose distribution depends on the state; the step is given its words one by one."""
+        """Draw from a distribution that depends on the state; the step is given its words one by one."""
         words = f"np.stack({tuple_of(hoisted.words[draw.site])}).astype(np.uint32)"
         return f"{form.constant(many(draw))}({tuple_of(args)}, {words})"
 
@@ -212,7 +212,7 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
 def _state(
     form: ArrayForm, task: Task, states: Sequence[str], roots: Sequence[Node], values: Sequence[str]
 ) -> list[str]:
-    """Return the next state, written over the present one; what shows memory of another component is copied first."""
+    """Write the next state over the present one; values that share memory with another component are copied first."""
     shown = set()
     for n in walk(roots):
         if isinstance(n, Read) and n.role is Role.STATE:
@@ -231,7 +231,7 @@ def _state(
 
 
 def never(terminal: Node) -> bool:
-    """Return whether no step terminates; `ended` and `truncated` are one array then."""
+    """Test whether no step terminates; `ended` and `truncated` are one array then."""
     return isinstance(terminal, Const) and not plain(terminal.value)
 
 
@@ -245,7 +245,7 @@ def _ending(task: Task, terminal: Node) -> list[str]:
 
 
 def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: Again) -> bool:
-    """Return whether what is observed is the first state component as it is, so that it can be copied after all else."""
+    """Test whether the observation is the first state component as it is, so that it can be copied after all else."""
     n = len(task.state)
     if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[-1]:
         return False
@@ -253,7 +253,7 @@ def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: 
 
 
 def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
-    """Return what `_Block._finish` does, where all episodes begin alike: most of its time would go to calls."""
+    """Write `_Block._finish` for episodes that all begin alike: most of its time would go to calls."""
     if shown:
         lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
     else:
@@ -266,7 +266,7 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
 
 
 def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:
-    """Return statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
+    """Write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
     lines = []
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         if value.ndim == 1:

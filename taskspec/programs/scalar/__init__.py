@@ -27,7 +27,7 @@ from taskspec.programs.scalar.phase import Phase, phase_stream
 
 
 def scalar_namespace() -> dict[str, Any]:
-    """Return names and what they are: numbers, the functions of the operator table, and draws."""
+    """Names that generated modules use: numbers, the functions of the operator table, and draws."""
     functions: dict[str, Any] = {}
     for entry in OPERATORS.values():
         functions.update(entry.scalar.names)
@@ -74,7 +74,7 @@ class ScalarProgram:
     _namespace: dict[str, Any] = field(repr=False)
 
     def start(self, seed: int, clock: Clock, bad_action: Failure, not_running: Failure) -> Lane:
-        """Return functions of one environment, whose draws go on from where a clock stands.
+        """Make functions of one environment, whose draws go on from where a clock stands.
 
         They raise what `bad_action(action)` and `not_running()` give.
         """
@@ -83,14 +83,14 @@ class ScalarProgram:
         return Lane(*self._namespace["lane"](first, later, bad_action, not_running))
 
     def replay(self, seed: int, clock: Clock) -> list[Any]:
-        """Return the component values that the last reset gave."""
+        """Component values that the last reset gave."""
         layout = self.task.reset_words
         words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
         flats = evaluate(self.task.process.initial, {}, sampler(layout, words))
         return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
 
     def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
-        """Return evaluated observation components, flat, as an observation."""
+        """Join evaluated observation components, flat, to an observation."""
         return pack(self.observation, flats)
 
 
@@ -146,7 +146,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """Return an array-like action as an array of float64 of the given shape."""
+    """Convert an array-like action to float64 of the given shape."""
     array = np.asarray(action)
     if {shape, array.shape} <= {(), (1,)}:
         array = array.reshape(shape)
@@ -154,7 +154,7 @@ def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
 
 
 def _as_ints(action: Any, shape: tuple[int, ...], kinds: str = "iu", dtype: Any = np.int64) -> Any:
-    """Return the same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
+    """Convert an array-like action to ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
     array = np.asarray(action)
     if array.shape != shape or array.dtype.kind not in kinds:
         raise ValueError

@@ -21,7 +21,7 @@ from taskspec.programs.scalar.phase import Phase, is_filled, stream
 
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
-    """Return statements that read and check an action, and the values of its components."""
+    """Write statements that read and check an action, and the values of its components."""
     names = names_of("a", task.action)
     (part,) = layout.parts
     if part.shape or not part.is_whole:
@@ -42,7 +42,7 @@ def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneVa
 
 
 def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    """Return statements that spread an array-like action over names, one for every element; another shape is refused.
+    """Spread an array-like action over names, one for every element; another shape is refused.
 
     An array of the usual types is taken as it is, all else is converted first.
     """
@@ -86,7 +86,7 @@ def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[
 
 
 def sees_state(task: Task, layout: SpaceLayout) -> bool:
-    """Return whether an observation is the array that tells the state: its elements in order, as float32."""
+    """Test whether an observation is the array of the state: its elements in order, as float32."""
     finite = are_finite(task.state)
     seen = []
     for node in task.observation.nodes:
@@ -102,7 +102,7 @@ def _is_number(task: Task) -> bool:
 
 
 def flat_state(task: Task, names: Sequence[str]) -> str:
-    """Return the source of the present state: an int where it is one finite number, else an array of its elements.
+    """Source of the present state: an int where it is one finite number, else an array of its elements.
 
     They are int64 where all components are finite, and float32 elsewhere.
     """
@@ -133,7 +133,7 @@ def _info_elements(task: Task, names: Sequence[str]) -> str:
 
 
 def _shape(task: Task) -> tuple[int, ...]:
-    """Return the shape of the array that tells the state."""
+    """Shape of the array of the state."""
     (first, *others) = task.state
     if others:
         return (total_size(task.state),)
@@ -141,19 +141,19 @@ def _shape(task: Task) -> tuple[int, ...]:
 
 
 def is_kept(task: Task) -> bool:
-    """Return whether infos tell the state by an array, which is kept from step to step."""
+    """Test whether infos contain the state as an array, which is kept from step to step."""
     return bool(task.info) and not _is_number(task)
 
 
 def old_state(task: Task, names: Sequence[str]) -> list[str]:
-    """Return the statement that keeps the state left, before the state moves on."""
+    """Keep the state left, before the state moves on."""
     if "old_state" not in task.info:
         return []
     return [f"old_state = {'told' if is_kept(task) else flat_state(task, names)}"]
 
 
 def told_state(task: Task, layout: SpaceLayout, names: Sequence[str], observation: str) -> list[str]:
-    """Return the statements that make the array for infos; a copy of the observation where that is the same array."""
+    """Make the array for infos; a copy of the observation where that is the same array."""
     if not is_kept(task):
         return []
     source = observation.removesuffix(".copy()")
@@ -165,12 +165,12 @@ def told_state(task: Task, layout: SpaceLayout, names: Sequence[str], observatio
 
 
 def has_rows(task: Task) -> bool:
-    """Return whether the arrays for infos are rows of blocks, which takes half the time of arrays of their own."""
+    """Test whether the arrays for infos are rows of blocks, which takes half the time of arrays of their own."""
     return is_kept(task) and 0 < math.prod(_shape(task)) <= UNROLLED
 
 
 def row_names(task: Task) -> dict[str, Any]:
-    """Return what the names that write such rows mean: `rows()` gives a function of the next row, `write` fills it in."""
+    """Functions that write such rows: `rows()` gives a function of the next row, `write` fills it in."""
     shape = _shape(task)
     size = math.prod(shape)
     dtype, code = (np.int64, "q") if are_finite(task.state) else (np.float32, "f")
@@ -179,7 +179,7 @@ def row_names(task: Task) -> dict[str, Any]:
 
 
 def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
-    """Return the source of a step's info, after the state has moved on; `measures` are the sources of their values."""
+    """Source of a step's info, after the state has moved on; `measures` are the sources of their values."""
     if is_kept(task):
         new_state = "told"
     else:
@@ -201,7 +201,7 @@ MASKED = '"action_mask": mask()'
 
 
 def mask(task: Task, lane: LaneEmitter) -> list[str]:
-    """Return the function `mask`, which gives the legal actions of the present state as int8 (n,); None where all are."""
+    """Write the function `mask`, which gives the legal actions of the present state as int8 (n,); None where all are."""
     if not task.mask:
         return ["mask = None"]
     (node,) = task.mask
@@ -217,7 +217,7 @@ _LARGEST = 3.4e38
 
 
 def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequence[LaneValue]) -> tuple[str, list[str]]:
-    """Return the source of the observation, and the statements that fill it in."""
+    """Source of the observation, and the statements that fill it in."""
     nodes = phase.observation
     match layout.form:
         case "discrete":
@@ -238,7 +238,7 @@ def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequen
 
 
 def _integer(lane: LaneEmitter, node: Node) -> str:
-    """Return a finite scalar as `Discrete` has it: a condition is 0 or 1."""
+    """Convert a finite scalar to a value of `Discrete`: a condition is 0 or 1."""
     atom = lane.scalar(node)
     if node.type.kind is Kind.BOOL:
         return f"(1 if {atom} else 0)"
@@ -261,7 +261,7 @@ def _shifted(atom: str, start: int) -> str:
 
 
 def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
-    """Return runs of elements written into the fresh row `o`; what the block filled in is left alone."""
+    """Write runs of elements into the fresh row `o`; values that the block filled in are left alone."""
     statements: list[str] = []
     run: list[Node] = []
     offset = start = 0

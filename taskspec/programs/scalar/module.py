@@ -67,7 +67,7 @@ def _kept(parts: Parts) -> list[str]:
 
 
 def _held(name: str, type_: Type) -> LaneValue:
-    """Return how a value is held in a variable: a number, or one flat sequence."""
+    """Form of a value in a variable: a number, or one flat sequence."""
     if type_.is_scalar:
         return LaneValue([name])
     return LaneValue(packed=name)
@@ -99,7 +99,7 @@ def _unpack(phase: Phase, call: str) -> list[str]:
 
 
 def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Return the function `reset`; `others` are the statements that compute with what it keeps."""
+    """Write the function `reset`; `others` are the statements that compute with the values it keeps."""
     task = parts.task
     phase = parts.reset
     lane = _lane(parts, phase, states, (), constants)
@@ -153,7 +153,7 @@ def _names_in(lines: Iterable[str]) -> set[str]:
 
 
 def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on."""
+    """Write the function `step`: it works everything out, and fixes its results, before the state moves on."""
     task = parts.task
     phase = parts.step
     reading, actions = interface.read_action(task, parts.action)
@@ -206,7 +206,7 @@ _ATOM = re.compile(r"\w+(\[\d+\])?")
 def _seen(
     lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
-    """Return the observation of a step: the kept one where it stays the same."""
+    """Source of the observation of a step: the kept one where it stays the same."""
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
     observation, statements = interface.observe(lane, parts.observation, parts.step, values)
@@ -233,7 +233,7 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
 
 
 def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
-    """Return a value as it is kept: a number of its kind, or a flat sequence."""
+    """Source of a value as it is kept: a number of its kind, or a flat sequence."""
     if type_.is_scalar:
         return lane.scalar(node)
     return lane.packed(node)

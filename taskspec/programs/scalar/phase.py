@@ -64,8 +64,8 @@ class Phase:
         rewritten = iter(rewrite(lane, variables, b.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
         observed = []
-        for n in inner:
-            if n is None:
+        for part in inner:
+            if part is None:
                 observed.append(_FILLED)
             else:
                 observed.append(next(rewritten))
@@ -116,7 +116,7 @@ def is_filled(node: Node) -> bool:
 
 
 def _block_can_compute(node: Node) -> bool:
-    """Return whether NumPy computes the same in a block: nothing is read, or differs in the last digit from the C library."""
+    """Test whether NumPy computes the same in a block: nothing is read, or differs in the last digit from the C library."""
     if isinstance(node, Read):
         return False
     return not isinstance(node, Apply) or node.op not in OPERATORS or OPERATORS[node.op].precise
@@ -138,7 +138,7 @@ def _row_parts(
 
 
 def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -> Callable[[], Any]:
-    """Return a function that hands out the item of counter `first`, then of the next one, and so on.
+    """Make a function that hands out the item of counter `first`, then of the next one, and so on.
 
     Blocks grow from one item, so that a fresh stream is cheap, to some tens of thousands of `width` words.
 
@@ -159,7 +159,7 @@ def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -
 
 
 def phase_stream(phase: Phase, seed: int, kind: int, first: int) -> Callable[[], Any] | None:
-    """Return the stream of a phase, of kind `draws.RESET` or `draws.STEP`; None if it needs no draws."""
+    """Make the stream of a phase, of kind `draws.RESET` or `draws.STEP`; None if it needs no draws."""
     if not phase.names:
         return None
     width = max(phase.layout.count, phase.row_size)
@@ -167,7 +167,7 @@ def phase_stream(phase: Phase, seed: int, kind: int, first: int) -> Callable[[],
 
 
 def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[Any]:
-    """Return the items of counters `at` to `at + count`: tuples of values in the order of `phase.names`, or single values."""
+    """Items of counters `at` to `at + count`: tuples of values in the order of `phase.names`, or single values."""
     layout = phase.layout
     words = np.empty((0, count), np.uint32)
     if layout.count:
@@ -197,7 +197,7 @@ def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:
 
 
 def _listed(node: Node, value: Array, count: int) -> list[Any]:
-    """Return a hoisted value for every item: Python scalars, flat tuples, or flat arrays if they are wide."""
+    """List a hoisted value for every item: Python scalars, flat tuples, or flat arrays if they are wide."""
     flat = np.broadcast_to(value.reshape(node.type.size, value.shape[-1]), (node.type.size, count))
     if node.type.is_scalar:
         return flat[0].tolist()  # type: ignore[no-any-return]

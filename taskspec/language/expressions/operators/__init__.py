@@ -36,7 +36,6 @@ INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.i
 
 
 def entry_of(op: str) -> OperatorEntry:
-    """Return the entry of an operator, or of one that moves elements."""
     if op in OPERATORS:
         return OPERATORS[op]
     return STRUCTURES[op]

@@ -295,7 +295,7 @@ def _elementary(
     examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)), brackets: Brackets = ENCLOSED, in_kernels: bool = True,
     **fields: Any,
 ) -> Operator:  # fmt: skip
-    """Return a function of one real; kernels take that of Python's `math`, or their own."""
+    """Entry of a function of one real; kernels take the function of Python's `math`, or their own."""
     template = name + "({0})"
     return Operator(
         name=name, rule=rules.real, reference=reference, samples=(*REALS, *fields.pop("samples", ())),

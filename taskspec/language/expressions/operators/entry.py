@@ -83,7 +83,7 @@ Axes = Callable[[Sequence[int]], int]
 
 
 def widest(axes: Sequence[int]) -> int:
-    """Return the axes of an elementwise function, whose scalars stretch."""
+    """Axes of an elementwise function, whose scalars stretch."""
     return max(axes, default=0)
 
 
@@ -128,7 +128,6 @@ class Function:
 
 
 def applies(name: str) -> Build:
-    """Return a function that makes a node of one operator."""
     return lambda b, args: b.apply(name, *args)
 
 

@@ -114,7 +114,7 @@ def conditions(result: Kind) -> Callable[[Kind], Kind | str]:
 
 
 def number(kind: Kind) -> Kind:
-    """Return the kind of a number; a condition counts as 0 or 1."""
+    """Kind of a number; a condition counts as 0 or 1."""
     return join(Kind.INT, kind)
 
 
@@ -167,7 +167,7 @@ def union(args: Args, node: Apply) -> Interval:
 
 
 def place(args: Args, node: Apply) -> Interval:
-    """Return a place among the elements of the first argument."""
+    """Bounds of a place among the elements of the first argument."""
     return 0, max(0, node.args[0].type.size - 1)
 
 
@@ -336,5 +336,4 @@ def divided(args: Args, result: Interval) -> bool:
 
 
 def nowhere(args: Args, result: Interval) -> bool:
-    """Return False: nothing is known."""
     return False

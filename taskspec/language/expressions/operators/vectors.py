@@ -50,7 +50,7 @@ Flat = tuple[Any, ...]
 
 
 def strided(shape: tuple[int, ...]) -> int:
-    """Return elements a step along the first axis."""
+    """Count the elements of a step along the first axis."""
     return math.prod(shape[1:])
 
 
@@ -69,7 +69,7 @@ class Structure(OperatorEntry):
 
 
 def _rows(flat: Flat, shape: tuple[int, ...], indices: Iterable[int] | None = None) -> list[Flat]:
-    """Return rows along the first axis: those at the indices, or all."""
+    """Rows along the first axis: the chosen ones, or all."""
     step = strided(shape)
     chosen = range(shape[0]) if indices is None else indices
     return [flat[i * step : (i + 1) * step] for i in chosen]
@@ -206,7 +206,7 @@ def sum_(x: Vector) -> Number:
 
 
 def _best(better: Callable[[Number, Number], bool], x: Vector) -> int:
-    """Return index of the best element, the first of equals; nan never beats anything and loses to everything."""
+    """Index of the best element, the first of equals; nan never beats anything and loses to everything."""
     best = 0
     for i, value in enumerate(x):
         if better(value, x[best]) or (x[best] != x[best] and value == value):
@@ -374,7 +374,7 @@ def _need_index(name: str, node: Node) -> Node:
 
 
 def at(b: NodeMaker, name: str, x: Node, index: Node) -> Node:
-    """Return an index into the first axis of x, brought into range."""
+    """Bring an index into the first axis of x."""
     return b.position(b.cast(_need_index(name, index), Kind.INT), _need_vector(name, x))
 
 

@@ -30,7 +30,6 @@ VARIATES: dict[str, Variate] = entries_by_name((*choices.TABLE, *quantities.TABL
 
 
 def words_of(draw: Draw) -> int:
-    """Return how many words a draw takes."""
     return VARIATES[draw.base].words(draw)
 
 
@@ -44,12 +43,11 @@ class WordLayout:
 
     @classmethod
     def of(cls, roots: Iterable[Expression]) -> WordLayout:
-        """Return the layout of the draws that some expressions are made of."""
         return cls.dealt(draws_below(roots))
 
     @classmethod
     def dealt(cls, draws: Iterable[Draw]) -> WordLayout:
-        """Return words for each of the draws, in the order of their sites."""
+        """Deal words to each of the draws, in the order of their sites."""
         by_site = tuple(sorted(draws, key=lambda d: d.site))
         first = {}
         count = 0
@@ -63,7 +61,7 @@ class WordLayout:
 
 
 def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:
-    """Return a sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
+    """Sample for `evaluate`: every draw of a phase has the value of its words."""
 
     def sample(draw: Draw, args: list[Flat]) -> Flat:
         return one(draw)(args, words[layout.first[draw.site] :])
@@ -72,7 +70,7 @@ def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Fl
 
 
 def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Array]], Array]:
-    """Return a sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
+    """Sample for `batch.evaluate`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
 
     def sample(draw: Draw, args: list[Array]) -> Array:
         first = layout.first[draw.site]
@@ -82,12 +80,11 @@ def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Arra
 
 
 def one(draw: Draw) -> Callable[[list[Flat], Words], Flat]:
-    """Return the function of a draw's arguments and words on Python numbers."""
     return partial(VARIATES[draw.base].one or _batch_of_one, draw)
 
 
 def many(draw: Draw) -> Callable[[Sequence[Array], Array], Array]:
-    """Return the function of a draw's arguments (*shape, N or 1) and words (count, N) that gives its values (*shape, N)."""
+    """Get the function from a draw's arguments (*shape, N or 1) and words (count, N) to its values (*shape, N)."""
     return partial(_many, draw)
 
 

@@ -26,7 +26,7 @@ COMPARED = 16
 
 
 def bernoulli_threshold(p: Fraction | float) -> int:
-    """Return the threshold below which the words of a condition lie; p is limited to [0, 1], NaN to 0."""
+    """Threshold below which the words of a condition lie; p is limited to [0, 1], NaN to 0."""
     if p > 0:
         return round(Fraction(min(p, 1)) * draws.NEVER)
     return 0
@@ -72,7 +72,7 @@ def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.Probabi
 
 
 def row_table(p: Node) -> tuple[Const, Node] | None:
-    """Return, for probabilities looked up in a constant table, the table (rows, k) and the row's number; else None."""
+    """Match probabilities looked up in a constant table: the table (rows, k) and the row's number; else None."""
     match p:
         case Apply(op="index", args=(Const() as table, row)) if row.type.is_scalar:
             return table, row
@@ -154,7 +154,7 @@ def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
 
 
 def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], bias: int) -> list[Node]:
-    """Return draws from the row of a table that is chosen at run time: one look-up for every threshold."""
+    """Draw from the row of a table that is chosen at run time: one look-up for every threshold."""
     k = table.type.shape[-1]
     rows = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches

@@ -38,16 +38,16 @@ class ProbabilityArithmetic(Protocol):
     """The arithmetic in which probabilities are worked out: floats, or rationals."""
 
     def argument(self, draw: Draw, arg: AnyArray) -> AnyArray:
-        """Return the first argument of a draw, rates and probabilities, (*shape, N)."""
+        """First argument of a draw, rates and probabilities, (*shape, N)."""
 
     def otherwise(self, draw: Draw, p: AnyArray) -> AnyArray:
-        """Return one minus the probabilities of conditions (*shape, N) that are the first argument of a draw, within 0 and 1."""
+        """One minus the probabilities of conditions (*shape, N), the first argument of a draw, within 0 and 1."""
 
     def ratio(self, part: AnyArray, whole: AnyArray) -> AnyArray:
         """Ints divided by ints."""
 
     def times(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        """Return the product of two probabilities other than 0."""
+        """Joint probability of two that are positive."""
 
 
 Outcomes = tuple[AnyArray, AnyArray]
@@ -114,20 +114,19 @@ class Variate:
 
 
 def stretched(flat: Flat, size: int) -> Flat:
-    """Return an argument with one number for each element of a draw."""
     if len(flat) == 1:
         return flat * size
     return flat
 
 
 def rows(x: Draws, draw: Draw, arg: AnyArray) -> AnyArray:
-    """Return an argument with one row for each element of a draw: (size, N or 1)."""
+    """Broadcast an argument to one row for each element of a draw: (size, N or 1)."""
     flat = arg.reshape(-1, arg.shape[-1])
     return x.xp.broadcast_to(flat, (draw.type.size, flat.shape[1]))
 
 
 def groups(draw: Draw, words: Sequence[str]) -> list[str]:
-    """Return the words of each element, as the source of a tuple."""
+    """Words of each element, as the source of a tuple."""
     step = len(words) // draw.type.size
     return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]
 
@@ -160,7 +159,7 @@ def both(a: Array, b: Array) -> Array:
 
 
 def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
-    """Return an operation on two arrays of one shape; of objects, such as fractions, each pair is looked at once."""
+    """Elementwise operation on two arrays of one shape; on objects, such as fractions, once for each distinct pair."""
     if a.dtype != object or a.shape != b.shape:
         return np.asarray(op(a, b))
     names = []
@@ -171,7 +170,7 @@ def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
 
 
 def each(arg: Array, size: int) -> list[Array]:
-    """Return an argument with one row for each element."""
+    """Split an argument into one row for each element."""
     flat = list(arg.reshape(-1, arg.shape[-1]))
     if len(flat) == 1:
         return flat * size
@@ -179,12 +178,12 @@ def each(arg: Array, size: int) -> list[Array]:
 
 
 def within(p: Array) -> Array:
-    """Return probabilities of conditions as the sampler reads them: within 0 and 1, and 0 for nan."""
+    """Clamp probabilities of conditions as the sampler does: within 0 and 1, 0 for nan."""
     return np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
 
 
 def clean(p: Array) -> Array:
-    """Return rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
+    """Clean rows of probabilities (K, N) as the sampler does: no negative ones, relative to the total.
 
     Where the total is 0, or infinite, it is the last one.
     """
@@ -199,7 +198,6 @@ def clean(p: Array) -> Array:
 
 
 def power(base: float, exponent: int) -> float:
-    """Return `base ** exponent`, at most 1e300."""
     if exponent * math.log(max(1.0, base)) > 690:
         return 1e300
     return float(base) ** exponent

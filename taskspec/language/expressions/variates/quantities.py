@@ -52,7 +52,7 @@ def _largest(k: entry.KernelWriter, atoms: Sequence[str]) -> str:
 
 
 def poisson_bound(draw: Draw) -> float | None:
-    """Return the largest rate, fixed when the task is built; None where the spec gives the rate as a constant."""
+    """Largest rate, fixed when the task is built; None where the spec gives the rate as a constant."""
     if len(draw.args) == 1:
         return None
     bound = draw.args[1]
@@ -125,7 +125,7 @@ def _poisson_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.Probabili
 
 
 def _poisson_row(rates: AnyArray, terms: int) -> AnyArray:
-    """Return probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
+    """Probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
     rates = np.where(rates > 0, rates, 0.0)
     mode = np.floor(rates)
     step = np.arange(1.0, terms)[:, None]
@@ -142,7 +142,7 @@ def _poisson_row(rates: AnyArray, terms: int) -> AnyArray:
 
 
 def _total(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
-    """Return how many conditions hold, from the probability of each draw and whether its condition holds with and without it."""
+    """Count the conditions that hold, from the probability of each draw and whether its condition holds with and without it."""
     p = entry.within(numbers.argument(draw, args[0]))
     q = numbers.otherwise(draw, p)
     row = np.ones((1, 1), p.dtype)
@@ -174,7 +174,7 @@ def _arrangement(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityAri
 
 
 def _arrangements(draw: Draw, bounds: entry.Bounds) -> float:
-    """Return how many there are: in each number of places, of ever more kinds of values."""
+    """Count arrangements: in each number of places, of ever more kinds of values."""
     alike, places = draw.args
     assert isinstance(alike, Const) and isinstance(places, Const)
     ways = [1] + [0] * places.type.size

@@ -67,7 +67,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
 
 
 def _problems(document: Document) -> list[Problem]:
-    """Return what is wrong with the shape of a document itself."""
+    """List mistakes of the shape of a document itself."""
     data = document.data
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
@@ -104,7 +104,7 @@ def _indented(data: Any, problems: list[Problem]) -> Iterator[Problem]:
 
 
 def remainder(document: Document) -> tuple[Document | None, set[str]]:
-    """Return a document without the entries whose shape is wrong, and the words in them; None if the rest means nothing."""
+    """Leave out entries whose shape is wrong: the rest of a document, and the words in them; None if the rest means nothing."""
     problems = _problems(document)
     codes = {problem.code for problem in problems}
     is_lost = _other_format(document) is not None or not codes.isdisjoint(("E207", "E211", "E212", "E314"))
@@ -126,7 +126,7 @@ def remainder(document: Document) -> tuple[Document | None, set[str]]:
 
 
 def without(data: Any, places: Iterable[Path]) -> tuple[Any, set[str]]:
-    """Return data without the innermost entries that places are in, and the words of those; None if one is in no entry."""
+    """Leave out the innermost entries that contain given places: the rest, and their words; None if one is in no entry."""
     rest = copy.deepcopy(data)
     words: set[str] = set()
     for place in places:
@@ -154,7 +154,7 @@ def _other_format(document: Document) -> str | None:
 
 
 def shaped(document: Document, variant: str | None) -> Merged:
-    """Return the sections of a spec or variant, whose shape is right.
+    """Merge the sections of a spec or variant, and check their shape.
 
     Raises:
         SpecError: with every mistake of the shape of the document; or, where it has none, of the sections together.
@@ -167,7 +167,7 @@ def shaped(document: Document, variant: str | None) -> Merged:
 
 @lru_cache(maxsize=256)
 def validated(merged: Merged) -> Spec:
-    """Return a spec or variant, well-formed by itself, as the task that it is meant to be.
+    """Validate a merged spec or variant as a whole task.
 
     Raises:
         SpecError: for a section that is missing, an entry that a variant changes though there is none, and keys that do not go
@@ -188,7 +188,7 @@ def validated(merged: Merged) -> Spec:
 
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
-    """Return data as a model; None where something is wrong, which goes to the collector."""
+    """Validate data by a model; None where something is wrong, which goes to the collector."""
     value, problems = fitted(located.data, model)
     for problem in problems:
         add_problem(collector, located, problem)
@@ -196,7 +196,7 @@ def validate(located: Located, collector: Collector, model: type[Shape]) -> Shap
 
 
 def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
-    """Return data as a model, or None and what is wrong with it."""
+    """Validate data by a model: the model, or None and the problems."""
     try:
         return model.model_validate(data), []
     except ValidationError as error:
@@ -216,7 +216,7 @@ def add_problem(collector: Collector, located: Located, problem: Problem) -> Non
 
 
 def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
-    """Yield one of pydantic's errors as problems, with paths from the root of the data."""
+    """Translate one of pydantic's errors to problems, with paths from the root of the data."""
     loc: Path = tuple(step for step in error["loc"] if step not in (LIST, CHANGES))
     if loc and loc[-1] == "[key]":
         loc = loc[:-1]
@@ -385,7 +385,7 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
 
 
 def shape_problem(data: Any, kind: Any) -> Problem | None:
-    """Return the first problem of JSON data that is to be of a type, such as a `TypedDict`; None where there is none.
+    """First problem of JSON data that is to be of a type, such as a `TypedDict`; None without one.
 
     Numbers are finite, and nothing is taken for something else.
     """

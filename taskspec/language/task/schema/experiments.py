@@ -206,7 +206,7 @@ class Evaluation(Strict):
     )
 
     def longer_than(self, horizon: int | None) -> int | None:
-        """Return the horizon of this evaluation; None where it is not longer than that of the task."""
+        """Horizon of this evaluation; None where it is not longer than the task's."""
         if horizon is None:
             return None
         if isinstance(self.horizon, int):

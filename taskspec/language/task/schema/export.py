@@ -24,7 +24,7 @@ def _ref(title: str) -> dict[str, Any]:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
+    """Write the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
     models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
     forms = json.loads(FORMS.read_text(encoding="utf-8"))
     for title in ("Observation", "PartialObservation"):
@@ -47,7 +47,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
-    """Return the keys that an entry at a path of a document can have, in the order of the models."""
+    """List the keys that an entry at a path of a document can have, in the order of the models."""
     root = json_schema()
     if model.__name__ not in root["$defs"]:
         root = {"$defs": {}, **TypeAdapter(model).json_schema(by_alias=True)}
@@ -59,7 +59,7 @@ def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
 
 
 def schemas_at(root: dict[str, Any], title: str, path: Path) -> list[dict[str, Any]]:
-    """Return what a JSON Schema says of the value at a path below one of its definitions, each form that it may have once."""
+    """List the forms of the value at a path below a definition of a JSON Schema, each once."""
     forms = list(forms_of(root, root["$defs"][title]))
     for step in path:
         below = [_below(schema, step) for schema in forms]
@@ -77,7 +77,7 @@ def _below(schema: dict[str, Any], step: str | int) -> Any:
 
 
 def forms_of(root: dict[str, Any], schema: Any) -> Iterator[dict[str, Any]]:
-    """Yield a schema and those that it refers to, each a form of the value."""
+    """Yield a schema and all that it refers to, each a form of the value."""
     if not isinstance(schema, dict):
         return
     yield schema
@@ -92,7 +92,7 @@ def forms_of(root: dict[str, Any], schema: Any) -> Iterator[dict[str, Any]]:
 
 
 def _linked(node: Any) -> Any:
-    """Return the same schema with every mark of a form, and every pattern of keys, replaced by a reference to it.
+    """Replace every mark of a form, and every pattern of keys, by a reference to it.
 
     A definition is called what authors call it: `Claim`, not `ClaimEntry`.
     """

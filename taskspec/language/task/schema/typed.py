@@ -28,17 +28,17 @@ FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked a
 
 
 def optional(description: str, **rules: Any) -> Any:
-    """Return a key that may be left out, with its description and further rules of pydantic."""
+    """Field that may be left out, with its description and further rules of pydantic."""
     return Field(None, description=description, **rules)
 
 
 def listed(description: str) -> Any:
-    """Return a key with a list, empty where it is left out."""
+    """Field with a list, empty where it is left out."""
     return Field(default_factory=list, description=description)
 
 
 def named(description: str) -> Any:
-    """Return a key with named entries, none where it is left out."""
+    """Field with named entries, none where it is left out."""
     return Field(default_factory=dict, description=description)
 
 
@@ -80,7 +80,6 @@ class Shorthand:
 
 
 def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
-    """Return an annotation that checks a value by hand."""
     return BeforeValidator(_checked(check))
 
 

@@ -51,7 +51,7 @@ _FORMS: Mapping[str, list[str]] = {
 
 
 def advice(word: str, known: Collection[str]) -> str | None:
-    """Return what to write for a word of others, given the keys that are known here; None where nothing is known of it."""
+    """Suggest a key for a word of other formats, given the known keys."""
     forms = _FORMS.get(word.lower().replace("-", "_"), [])
     for form in forms:
         if re.split(r"\W", form)[0] in known:
@@ -80,7 +80,7 @@ class Problem(NamedTuple):
     of_key: bool = False
 
     def below(self, *steps: str | int) -> Problem:
-        """Return the same problem, as seen from further up."""
+        """Prefix the path of the problem."""
         return self._replace(path=(*steps, *self.path))
 
 
@@ -91,7 +91,7 @@ def below(problems: Iterable[Problem], *steps: str | int) -> Iterator[Problem]:
 
 
 def kind(value: object) -> str:
-    """Return a value as a person would call it: `the number 3`, `the text 'x'`, `a list`."""
+    """Describe a value: `the number 3`, `the text 'x'`, `a list`."""
     match value:
         case None:
             return "nothing"
@@ -113,14 +113,14 @@ def kind(value: object) -> str:
 
 
 def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem:
-    """Return the problem of a value that is not what belongs here."""
+    """Report a value of another kind."""
     if value is None:
         return Problem("E218", (), f"there is no value here; expected {expected}", hint)
     return Problem("E204", (), f"expected {expected}, found {kind(value)}", hint)
 
 
 def name_problem(name: str) -> str | None:
-    """Return why a text cannot be a name in expressions, or None."""
+    """Explain why a text cannot be a name in expressions."""
     if name in OWN_WORDS:
         return f"`{name}` is a word of the language"
     if name in WORDS:
@@ -135,7 +135,7 @@ def name_problem(name: str) -> str | None:
 
 
 def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
-    """Yield a name that expressions can use."""
+    """Check a name for use in expressions."""
     if trouble := name_problem(text):
         better = re.sub(r"\W+", "_", text.strip()).strip("_")
         if better in WORDS:
@@ -149,13 +149,12 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
 
 
 def names(keys: Iterable[str]) -> Iterator[Problem]:
-    """Yield the keys that are no names."""
     for key in keys:
         yield from name(key, (key,))
 
 
 def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
-    """Return the problem of a key that is not known here, with what to write instead."""
+    """Report an unknown key, with a known one to write instead."""
     hint = advice(key, known) or suggest(key, known) or ("it can be one of: " + ", ".join(known))
     return Problem("E202", (), f"unknown key `{key}`", hint, of_key=True)
 
@@ -173,7 +172,7 @@ SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
 def primed(text: str) -> Iterator[Problem]:
-    """Yield a key of `dynamics`: the name of a state component with a prime."""
+    """Check a key of `dynamics`: the name of a state component with a prime."""
     if text.endswith("'"):
         yield from name(text[:-1])
     else:
@@ -187,24 +186,22 @@ def primed(text: str) -> Iterator[Problem]:
 
 
 def warning(text: str) -> Iterator[Problem]:
-    """Yield a key of `accept`: the code of a warning."""
+    """Check a key of `accept`: the code of a warning."""
     if text not in WARNINGS:
         message = f"`{text}` is not the code of a warning"
         yield Problem("E206", (), message, suggest(text, WARNINGS) or "for example `W501`", of_key=True)
 
 
 def reason(text: str) -> Iterator[Problem]:
-    """Yield a text that says something."""
     if not text.strip():
         yield wrong_kind("a reason", None)
 
 
 def definition(text: str) -> Iterator[Problem]:
-    """Yield a key of `definitions`: a name, or a function with the names of its arguments."""
+    """Check a key of `definitions`: a name, or a function with the names of its arguments."""
     function = _FUNCTION.fullmatch(text)
-    arguments = []
+    arguments: list[str] = []
     if function:
-        arguments = []
         for part in function[2].split(","):
             arguments.append(part.strip())
     for each in (function[1] if function else text, *arguments):
@@ -214,7 +211,7 @@ def definition(text: str) -> Iterator[Problem]:
 
 
 def constant(value: Any) -> Iterator[Problem]:
-    """Yield the problems of a grid of letters with the value of each; other constants are expressions."""
+    """Check a grid of letters with the value of each; other constants are expressions."""
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
         return
     for key in value:
@@ -238,13 +235,13 @@ def constant(value: Any) -> Iterator[Problem]:
 
 
 def bound(value: Any) -> Iterator[Problem]:
-    """Yield the problems of a number, an expression, or a list of them for a vector."""
+    """Check a number, an expression, or a list of them for a vector."""
     if value is None or isinstance(value, bool | dict):
         yield wrong_kind("a number or an expression", value)
 
 
 def shape(value: Any) -> Iterator[Problem]:
-    """Yield a list of lengths; `[]` is a single number."""
+    """Check a list of lengths; `[]` is a single number."""
     for i, item in enumerate(value if isinstance(value, list) else [value]):
         steps = (i,) if isinstance(value, list) else ()
         if isinstance(item, bool) or not isinstance(item, int | str) or item == "":
@@ -254,7 +251,7 @@ def shape(value: Any) -> Iterator[Problem]:
 
 
 def labels(value: Any) -> Iterator[Problem]:
-    """Yield the labels of a choice: a list of words, or a mapping from each to its value."""
+    """Check the labels of a choice: a list of words, or a mapping from each to its value."""
     if isinstance(value, dict) and value:
         for label in value:
             yield from _truth_label(label, (label,))
@@ -280,7 +277,7 @@ def _truth_label(label: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
 
 
 def horizon(value: Any) -> Iterator[Problem]:
-    """Yield a number of steps, an expression for it, or `none`."""
+    """Check a number of steps, an expression for it, or `none`."""
     if value is None or value == "":
         yield wrong_kind("a number of steps, or `none`", None)
     elif isinstance(value, bool | float | list | dict):
@@ -290,7 +287,7 @@ def horizon(value: Any) -> Iterator[Problem]:
 
 
 def setting(value: Any) -> Iterator[Problem]:
-    """Yield a value of a parameter: a number, a truth value, or a text (a label, or `1/3`)."""
+    """Check a value of a parameter: a number, a truth value, or a text (a label, or `1/3`)."""
     if value is None or isinstance(value, list | dict):
         yield wrong_kind("a number, `true`, `false` or a label", value)
 
@@ -311,7 +308,7 @@ def grid(value: Any) -> Iterator[Problem]:
 
 
 def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
-    """Yield the problems of named expressions, and under `space` of the kind of space to make of them."""
+    """Check named expressions, and under `space` the kind of their space."""
     if not isinstance(value, dict):
         yield wrong_kind("named observations (`name: expression`)", value)
         return
@@ -326,7 +323,7 @@ def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
 
 
 def measure(value: Any) -> Iterator[Problem]:
-    """Yield the problems of a measure: an expression, or `{value: expression, doc: ...}`."""
+    """Check a measure: an expression, or `{value: expression, doc: ...}`."""
     if not isinstance(value, dict) or "value" not in value:
         return
     for key in value:
@@ -343,7 +340,7 @@ _BESIDE = "`space` is one for all: it stands under `observation`, beside the nam
 
 
 def _observed(part: Any) -> Iterator[Problem]:
-    """Yield the problems of an expression, or of `{value: expression, low: ..., high: ...}` with the bounds of its space."""
+    """Check an expression, or `{value: expression, low: ..., high: ...}` with the bounds of its space."""
     if not isinstance(part, dict) or not ("value" in part or part.get("type") in get_args(Kind)):
         return
     for key in part:
