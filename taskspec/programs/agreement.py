@@ -25,7 +25,7 @@ from taskspec.programs.scalar import Clock, compile_scalar
 from taskspec.programs.vector_program import DTYPES, Masks, Options
 
 EVERY = ("scalar", *backend_table.BACKENDS)
-"""The scalar program, and those of all vector backends."""
+"""The scalar program, and the programs of all vector backends."""
 QUICK = ("scalar", "numpy")
 """Programs that are generated in milliseconds; others take seconds to compile."""
 LANES = 2

@@ -1,6 +1,6 @@
 """The array form: core nodes as straight-line array code with the lanes last, one assignment per shared node.
 
-What an operator looks like comes from the operator table. With scratch arrays (NumPy), operators that are one ufunc
+The form of an operator is in the operator table. With scratch arrays (NumPy), operators that are one ufunc
 write into preallocated arrays, which are used again once nothing reads them any more.
 """
 
@@ -89,7 +89,7 @@ class Sink:
 class ArrayForm:
     """Emits statements for nodes.
 
-    `names` gives the source of every read, `drawn` that of every draw; `constants` collects the arrays that are
+    `names` gives the source of every read, `drawn` the source of every draw; `constants` collects the arrays that are
     referred to.
     """
 

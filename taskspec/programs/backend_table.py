@@ -14,7 +14,7 @@ from taskspec.programs.vector_program import Engine, Options
 # Whatever names backends takes the names from here. Nothing is imported, so that the command line may.
 
 BackendName = Literal["auto", "numpy", "numba", "jax"]
-"""The names that stand for a backend: those of the table and "auto", as a type."""
+"""The names of backends: the names of the table, and "auto", as a type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class Backend:
     """A way to step many environments of a task together.
 
     `engine` is its class (`module:name`), and `suits` a function from a task to whether it suits the backend; None if all do.
-    `needs` is the package that it needs in addition to NumPy. `tolerance` is the largest difference of its reals from those of
-    the reference interpreter, relative to 1 + |x|.
+    `needs` is the package that it needs in addition to NumPy. `tolerance` is the largest difference of its reals from the
+    reference interpreter's, relative to 1 + |x|.
     """
 
     engine: str

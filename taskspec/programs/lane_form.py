@@ -1,7 +1,7 @@
 """The lane form: core nodes as straight-line scalar Python for one environment.
 
-Small vectors become one expression per element ("atoms"); larger ones are packed in one tuple or list. What an operator
-looks like comes from the operator table.
+Small vectors become one expression per element ("atoms"); larger ones are packed in one tuple or list. The form of an operator
+is in the operator table.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ WIDE = 32
 def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
     """Wide components that no step changes and no root reads: they are not kept, since a reset can be replayed.
 
-    `roots` are those of a step; that a component is its own next value does not count.
+    `roots` are the roots of a step; that a component is its own next value does not count.
     """
     frozen = frozen_components(task)
     n = len(task.state)

@@ -17,7 +17,7 @@ Flat = tuple[Any, ...]
 class ReferenceProgram:
     """One environment of a task; values are flat tuples, one for each component.
 
-    Draws are those of the seeding contract: word w of reset number e, or of step number n since the seed was set.
+    Draws follow the seeding contract: word w of reset number e, or of step number n since the seed was set.
 
     Attributes:
         time: steps of this episode.

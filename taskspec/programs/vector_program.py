@@ -1,7 +1,7 @@
 """Programs that step many environments: their memory, how actions are read, which are legal, and when episodes begin.
 
 Arrays have their features first and the lanes last: each feature of all lanes is together, which is what array code and
-vector units want. What is handed out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+vector units want. Results have the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Buffers:
         state: one array (*shape, N) for every state component: bool, int64 or float64.
         seen, final: observations now, and those with which episodes ended in this step.
         reward: float64 (N,). terminated, truncated, ended: bool (N,).
-        measures: float64 (N,) each, those of the last step; of lanes that have taken none, any number.
+        measures: float64 (N,) each, of the last step; of lanes that have taken none, any number.
     """
 
     seeds: Array
@@ -281,7 +281,7 @@ class Options:
 class Engine(Protocol):
     """The environments of one task on one backend, made of a task, a number of lanes, and `Options`.
 
-    Lane i draws from the stream of `buffers.seeds[i]`: its episodes and steps equal those of a scalar environment with
+    Lane i draws from the stream of `buffers.seeds[i]`: it has the episodes and steps of a scalar environment with
     that seed, number for number.
     """
 
@@ -315,7 +315,7 @@ class Engine(Protocol):
 # - `next_step`: it is reset by the next step, which ignores the action, is not counted, has reward 0 and sets no flag.
 # - `disabled`: it is reset by the caller; until then no lane may step.
 #
-# A reset takes the words of the lane's next episode, and a step those of its next step (`Buffers.episodes`, `Buffers.steps`).
+# A reset takes the words of the lane's next episode, and a step the words of its next step (`Buffers.episodes`, `Buffers.steps`).
 
 
 @dataclass

@@ -64,7 +64,7 @@ def select(
             present.append((v, e, c))
     known, theirs, under = zip(*present, strict=True)
     nodes, domain = unify(checker, known, theirs, want)
-    result = nodes[-1]  # where that of `otherwise` is missing, a condition above holds
+    result = nodes[-1]  # without the node of `otherwise`, a condition above holds
     for condition, node in zip(reversed(under[:-1]), reversed(nodes[:-1]), strict=True):
         assert condition is not None  # that is `otherwise`, the last one
         if isinstance(condition, Const) and len({node.type.shape, result.type.shape} - {()}) == 2:

@@ -336,7 +336,7 @@ class Builder:
     ) -> tuple[Node, ...]:
         """Replace reads by values, by role and name.
 
-        The values are `late` where they are only known at run time, as those of a step are (`remake_late`).
+        The values are `late` where they are only known at run time, as values of a step are (`remake_late`).
         """
         roots = tuple(roots)
         replacements: dict[int, Node] = {}

@@ -360,7 +360,7 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
         hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
         checker.fail("E307", expr, "each of several indices must be an int or a slice", hint)
     kept = tuple(p.type.size for p in places if p.type.shape)
-    # Where elements stand when rows are laid end to end; those of slices are constants, one after the other.
+    # Places of elements when rows are laid end to end; places of a slice are constants, one after the other.
     number: Node = b.scalar(0)
     slices = iter(np.indices(kept).reshape(len(kept), math.prod(kept)))
     for place, length in zip(places, axes, strict=True):
@@ -409,7 +409,7 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
 def _index_argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
     """Return the argument of a function that is an index of x, or one for each axis.
 
-    What cannot be one is left to the function.
+    Anything else is left to the function.
     """
     axes = x.type.shape
     if not axes:

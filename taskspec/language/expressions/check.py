@@ -23,7 +23,7 @@ from taskspec.language.expressions.types import Domain, Kind, Refused
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
 _PRIMES = (
     "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
-    "`memory` may use that of an observation"
+    "`memory` may use the next value of an observation"
 )
 
 

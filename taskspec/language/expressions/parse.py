@@ -1,7 +1,7 @@
 """Text -> surface syntax, through Python's own parser and a closed subset of its grammar. Nothing is evaluated.
 
 The prime of `x'` is replaced by the letter U+02B9, one character for one, so that Python can read it and
-every column stays right. Size and nesting are bounded before Python's parser sees the text. What cannot be parsed, and
+every column stays right. Size and nesting are bounded before Python's parser sees the text. Text that cannot be parsed, and
 functions of other languages and libraries, are answered with advice.
 """
 
@@ -40,7 +40,7 @@ _CHARACTERS = {
     "²": "`**2`", "√": "`sqrt(x)`", "∑": "`sum(x)`", "∏": "`prod(x)`", "‖": "`norm2(x)`", "π": "`pi`",
     **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u3000", _SPACE),
 }  # fmt: skip
-"""What to write for characters of mathematics and of typography, the likeliest ones."""
+"""ASCII forms of the likeliest characters of mathematics and of typography."""
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
 
 

@@ -45,7 +45,7 @@ class Value:
 class Lazy:
     """A name whose value is worked out on first use (definitions, next values, noise).
 
-    `domain` is that of a component's next value, which is known before.
+    `domain` belongs to a component's next value, and is known before.
     """
 
     resolve: Callable[[s.Name], Value]
@@ -137,7 +137,7 @@ class Scope:
 
 # -- binding times ------------------------------------------------------------------------------------------------
 #
-# What is known before the task runs, and what is not, even if it is constant: state, action, time, draws. It decides which
+# Binding times: state, action, time and draws are known at run time only, even if they are constant. It decides which
 # indices count from the end (`lang.calls`), and where fractions end: what is known late is computed in floats, even where its
 # value is known when the task is built.
 
@@ -364,7 +364,7 @@ class BaseChecker(ABC):
 def numbered(checker: BaseChecker, value: Value, domain: Domain) -> Node:
     """Convert a value to positions of labels: of a label of the choice, or of an int that is a position or a value.
 
-    What is no label's is -1, or beyond the last position.
+    A value of no label is -1, or beyond the last position.
 
     Raises:
         Refused: (E306) when it is neither, or when values of labels are no different ints.

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 INF = math.inf
 Interval = tuple[float, float]
-"""Ends of an int are ints, or infinite; those of a real are floats."""
+"""Ends of an int are ints, or infinite; ends of a real are floats."""
 EVERYTHING: Interval = (-INF, INF)
 HUGE = 1e300
 """Bounds further out than this count as infinite."""

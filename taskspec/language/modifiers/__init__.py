@@ -124,7 +124,7 @@ def modify(task: Task, *modifiers: Written) -> Task:
     Args:
         task: the task; `taskspec.load(id, modifiers=[...])` is the same of an id or a path.
         *modifiers: texts as on the command line (`"distractors=3,kind=normal"`), mappings as in YAML
-            (`{"distractors": {"count": 3, "kind": "normal"}}`, `{"sticky": 0.25}`), or those of another task (`Task.modifiers`).
+            (`{"distractors": {"count": 3, "kind": "normal"}}`, `{"sticky": 0.25}`), or another task's `Task.modifiers`.
 
     An expert that is written out stays where the best policies do; one that is planned is planned for the changed task. Claims
     and examples are about the task as written, and go, except with `absorbing` and `time_observed`.

@@ -151,7 +151,7 @@ def observing(
 ) -> Task:
     """Replace the observations, for which more is drawn at resets and in steps.
 
-    What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
+    Earlier observations, by name, are `meant` as functions of the present ones. An expert that remembers something else
     of it is left out.
     """
     if meant is None:

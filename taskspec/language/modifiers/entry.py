@@ -15,8 +15,8 @@ from taskspec.language.task.task import Task
 
 Arguments: TypeAlias = Mapping[str, Any]
 Kept: TypeAlias = Literal["every policy's return", "all returns", "best policies", "nothing"]
-"""What stays as it was, the most first: the return of every policy of states and times; the optimal, the random and the worst
-return; which policies are best."""
+"""Guarantees of a modifier, the strongest first: the return of every policy of states and times stays the same; the optimal, the
+random and the worst return do; the best policies do."""
 KEPT = get_args(Kept)
 
 
@@ -156,9 +156,9 @@ class ModifierEntry:
     needs: str = ""
     claims: bool = False
     time_limit: Literal["unread", "read", "changed"] = "unread"
-    """What it has to do with the horizon: once one has read it, no other one changes it."""
+    """Whether it reads or changes the horizon: once a modifier has read it, no other one changes it."""
     abstraction: Callable[[Arguments], StandIn] = lambda given: "lost"
-    """What becomes of the finite stand-in of a task that has one."""
+    """Effect on the finite stand-in of a task that has one."""
 
     def kept(self, task: Task, given: Arguments) -> Kept:
         """Guarantees for a task with these arguments."""

@@ -62,7 +62,7 @@ def potential(b: Builder, task: Task, written: str) -> Node:
 
 # Rewards that are paid later: after some steps, or when the episode ends.
 #
-# What is outstanding is part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that
+# Outstanding rewards are part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that
 # a finite task stays finite.
 
 MOST_SUMS = 1_000_000
@@ -74,7 +74,7 @@ MOST_VALUES = 256
 TRIED = 4096
 """Combinations of arguments that are worked out for one operation."""
 Values: TypeAlias = frozenset[Const] | None
-"""What the elements of a node may be; None where that is not known, or too much."""
+"""Possible values of the elements of a node; None for unknown or too many ones."""
 
 
 @dataclass(frozen=True)

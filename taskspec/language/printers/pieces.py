@@ -17,7 +17,7 @@ from taskspec.language.printers.tex import read
 # remainder binds less than a sum, a sum sign takes the product after it, and two signs never stand side by side.
 
 CHOICE = 0  # `a if b else c`
-SIGN = 7  # `-x`; the levels in between are those of the operator table
+SIGN = 7  # `-x`; the operator table has the levels in between
 NAME = 9  # what needs no brackets anywhere
 _OR, _AND, _NOT, _COMPARE, _SUM, _POWER = (INFIX[symbol].precedence for symbol in ("or", "and", "not", "==", "+", "**"))
 TEXT: dict[str, Brackets] = {

@@ -33,7 +33,7 @@ ACCENTS: dict[str, tuple[str, str]] = {
     "dot": ("˙", "\u0307"), "ddot": ("¨", "\u0308"), "hat": ("^", "\u0302"), "tilde": ("~", "\u0303"), "bar": ("¯", "\u0304"),
     "vec": ("→", "\u20d7"),
 }  # fmt: skip
-"""What TeX sets over a letter: the mark alone, and as a character that joins the one before it."""
+"""Marks that TeX sets over a letter: the mark alone, and as a character that joins the one before it."""
 
 ALIASES: dict[str, str] = {
     "le": "leq", "ge": "geq", "ne": "neq", "wedge": "land", "vee": "lor", "neg": "lnot", "gets": "leftarrow",

@@ -143,7 +143,7 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
 
 SCOPE = "examples"
 _GIVEN = {"state": (Role.STATE, "given state"), "action": (Role.ACTION, "action")}
-"""Keys that say what is given, and whose names they have: those of a state are names of the expert's memory as well."""
+"""Keys that say what is given, with the owners of the names: names of a state are names of the expert's memory as well."""
 _BY_NAME = {"initial": "state", "next": "state", "observation": "observation", "expert": "action"}
 """Keys that say what follows name by name, and the section that has the names."""
 _SINGLE = ("reward", "terminal", "truncated")
@@ -273,7 +273,7 @@ def _component(context: Context, c: Component, value: Value) -> tuple[Component,
     return made, value.node
 
 
-# What an expert remembers: declared memory that is no part of the task's state.
+# The expert's memory, which is declared and no part of the task's state.
 #
 # It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone
 # can keep it, and the state together with it is the state of a larger task, in which the expert remembers nothing

@@ -94,7 +94,7 @@ def attempts(
     Args:
         variants: the tasks that are meant, all of them unless given.
         before: what was made, for the same values, of the text before its last change; what is right and still the same
-            is taken from there, and its places become those of this document.
+            is taken from there, with places in this document.
     """
     problems = list(check_shape(document))
     is_whole = not problems

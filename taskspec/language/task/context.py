@@ -80,7 +80,7 @@ def _whole(expr: s.Expr, c: Component) -> str:
     return "`floor(x)` and `round(x)` give ints"
 
 
-# What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far.
+# Shared by all parts of a build: the merged spec, one builder, one collector, and the names resolved so far.
 
 
 EXPRESSIONS = ("definitions", "noise", "initial", "dynamics", "observation", "measures")

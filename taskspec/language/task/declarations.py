@@ -28,7 +28,7 @@ _ENDLESS = {"low": -math.inf, "high": math.inf}
 """Bounds that are none."""
 INSTANCE_SEED = "instance_seed"
 INSTANCE = draws.RESET | 1 << 30
-"""Phase of the draws made once per instance; its slots meet those of no step and no reset."""
+"""Phase of the draws made once per instance; no step and no reset has its slots."""
 KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
 
 

@@ -191,8 +191,8 @@ class Forms:
                 self.report(Problem("E208", (), message, f"a table stands by itself, not below `{path[-1]}`"), path)
             case list():
                 hint = (
-                    "a mapping is a draw; a vector for each label is a list of them, in order, "
-                    "and `ways[a]` is that of a label"
+                    "a mapping is a draw; a vector for each label is a list of vectors, in order, "
+                    "and `ways[a]` is the vector of a label"
                 )
                 self.report(values.wrong_kind("a probability", weight, hint), path)
             case _:

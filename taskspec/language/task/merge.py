@@ -229,7 +229,7 @@ def _claims(
 def abstracted(merged: Merged) -> Merged | None:
     """Finite stand-in that a spec declares, as a spec of its own; None without one.
 
-    The sections under `abstraction` (all but `map`) replace those of the same name.
+    The sections under `abstraction` (all but `map`) replace sections of the same name.
     """
     over = merged.data.get("abstraction")
     if not over:

@@ -53,7 +53,7 @@ class Names:
         self.context = context
         self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
         self.seen: Mapping[str, Value] = {}
-        """What an expert with memory observes."""
+        """The observation of an expert with memory."""
         self.next: dict[str, Value] = {}
         """Next values, worked out on first use."""
         self._end: Value | Poisoned | None = None

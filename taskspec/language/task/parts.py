@@ -102,9 +102,9 @@ def as_list(value: Any) -> list[Any]:
 # Options of environments that a task's own methods take as well.
 
 Ending: TypeAlias = Literal["terminate", "absorb"]
-"""What becomes of terminal states: the episode ends, or they absorb until the horizon."""
+"""Treatment of terminal states: the episode ends, or they absorb until the horizon."""
 RenderMode: TypeAlias = Literal["ansi", "rgb_array", "rgb_array_list", "human"]
-"""What `render` gives: text, pixels, the pixels of all states since the last call, or a window."""
+"""Results of `render`: text, pixels, the pixels of all states since the last call, or a window."""
 
 
 # ---------- parts
@@ -380,8 +380,8 @@ def _argument(value: Any) -> str:
 class Figure:
     """The figure of the task: the kind, and what it shows as nodes over STATE.
 
-    `at` is a place, two numbers or one vector of two, on a grid maybe with two more for the way that the agent faces, as those of
-    `objects` are, which are drawn as words; `curve` a function of its first number; `values` the vector that bars show.
+    `at` is a place, two numbers or one vector of two, on a grid maybe with two more for the way that the agent faces; so are the
+    places of `objects`, which are drawn as words; `curve` a function of its first number; `values` the vector that bars show.
     `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
     """
 

@@ -76,7 +76,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
     collector = context.collector
     builder = context.builder
 
-    # What the sections stand on.
+    # Names and declarations, before any section.
     check_names(context.merged, collector)
     declarations.bind_parameters(context, given)
     declarations.bind_constants(context)
@@ -104,7 +104,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
     with builder.written() as measure_draws:
         measures = sections.measures(context, names)
 
-    # What the spec states about it.
+    # Statements of the spec about the process.
     memory = remembered(context, names, observation)
     expert = sections.expert_action(context, names)
     if memory is not None and isinstance(expert, tuple):
@@ -119,7 +119,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
     collector.raise_if_errors()
     assert reward is not None and terminal is not None and absorbing is not None
 
-    # What is written, before ints are moved into range.
+    # Sections as written, before ints are moved into range.
     raw_initial = tuple(context.raw_initial[c.name] for c in context.state)
     raw_next = tuple(names.raw_next[c.name] for c in context.state)
     sections.check_widths(

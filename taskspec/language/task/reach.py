@@ -96,7 +96,7 @@ def _within(edge: Interval, declared: Interval) -> Interval:
 
 # Ints that fit: a state int keeps to its range, and an expression that may leave 64 bits is refused.
 #
-# Python's ints are endless and those of array backends are not; without this, the same task would mean different things. And
+# Python's ints are endless and ints of array backends are not; without this, the same task would mean different things. And
 # what reads a state may rely on its range: indices that it keeps in a vector are not looked at again.
 
 Rule = Callable[[Node, Args], Range]
@@ -144,7 +144,7 @@ def widest(
 ) -> float:
     """Largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
 
-    `reads` says more of some reads, by id, than their declarations do; `step` is the arithmetic, such as that of single floats.
+    `reads` says more of some reads, by id, than their declarations do; `step` is the arithmetic, such as single floats.
     """
     known: dict[int, Range] = {}
     for node in walk(roots):
@@ -172,7 +172,7 @@ def too_wide(collector: Collector, place: Placed, most: float) -> None:
     collector.add("E318", place, message, hint)
 
 
-# Bounds of what is observed: the declared ones, or those of an observed state component. Where none are declared they follow
+# Bounds of observations: the declared ones, or the bounds of an observed state component. Where none are declared they follow
 # from the expression by interval reasoning, over the states that can be reached within the horizon.
 
 Edges = list[Interval]
@@ -222,7 +222,7 @@ class Observed:
                 return self._tight([edge] * node.type.size, bounds(node, over([node], self.reached)))
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:
-        """Infinite bounds replaced by those of what can be reached, unless these are so far away that they say nothing."""
+        """Replace infinite bounds by reachable ones, unless these are so far away that they say nothing."""
         if reached is None:
             return edges
         if reached[0] >= -FAR:

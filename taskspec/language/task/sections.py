@@ -267,6 +267,7 @@ def expert_action(context: Context, names: Names) -> Expert:
         exprs = {}
         for name in value:
             exprs[name] = context.forms.expr(("expert", name))
+        context.exprs["expert"] = exprs
         return by_component(context, ("expert",), exprs, scope, is_whole=True)
     expr = context.exprs["expert"] = context.forms.expr(("expert",))
     match expr:
@@ -324,6 +325,7 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
     exprs = {}
     for name in written:
         exprs[name] = context.forms.expr((*path, name))
+    context.exprs["abstraction"] = exprs
     nodes = []
     for name, expr in exprs.items():
         if name not in components:

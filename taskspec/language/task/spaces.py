@@ -68,7 +68,7 @@ class Segment:
 class SpaceLayout:
     """Components as one Gymnasium value.
 
-    `shape` is that of the array (`box`, `multi_discrete`, `one_hot`); `low` and `high` are the bounds of a box, flat.
+    `shape` is the shape of the array (`box`, `multi_discrete`, `one_hot`); `low` and `high` are the bounds of a box, flat.
     """
 
     form: Form

@@ -59,7 +59,7 @@ class TaskSource:
 
 @dataclass(frozen=True, eq=False)
 class Process:
-    """The decision process as core nodes, those of `initial` and `next` in the order of the state.
+    """The decision process as core nodes, `initial` and `next` in the order of the state.
 
     `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME, `legal`
     reads STATE and ACTION; `initial` reads nothing: each component's node contains those it depends on. `reset_draws` and
@@ -166,7 +166,7 @@ class Task(InNotebooks):
     process: Process
     annotations: Annotations
     modifiers: tuple[parts.Modifier, ...] = ()
-    """What was changed since, in order (`taskspec.modify`)."""
+    """The modifiers of the task, in order (`taskspec.modify`)."""
     written_as: Task | None = field(default=None, repr=False)
 
     def with_process(self, **changes: Any) -> Task:

@@ -58,7 +58,7 @@ class Gymnax:
     def step(self, key: AnyArray, state: State, action: AnyArray, params: Any = None) -> Any:
         """Observation, state, reward, terminated, truncated, info; with autoreset.
 
-        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        info holds "terminated", "truncated", and "final_observation", the observation of the step itself.
         """
         seen, following, reward, _, info = self._functional.step(state, self._action(action), params)
         info["final_observation"] = _from_zero(self._seen, info["final_observation"])
@@ -352,7 +352,7 @@ class Functional:
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; after an episode ends the next one begins (autoreset).
 
-        info holds "terminated", "truncated", "final_observation", that of the step itself, "measures" where the
+        info holds "terminated", "truncated", "final_observation" of the step itself, "measures" where the
         task has some, and "action_mask" where it has `legal`, of the state that is returned.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
@@ -364,7 +364,7 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Return a step without autoreset; info is that of `step`, without "final_observation"."""
+        """Return a step without autoreset; info is the info of `step`, without "final_observation"."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))

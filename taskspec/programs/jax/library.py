@@ -1,6 +1,6 @@
 """Random words and variates in JAX, and the array forms that XLA compiles well; 32-bit numbers only.
 
-Words and variates are exactly those of `taskspec.language.draws`. XLA computes a product and the sum that it feeds with one
+Words and variates equal `taskspec.language.draws`, to the bit. XLA computes a product and the sum that it feeds with one
 rounding, a quotient by a constant as a product, and a quotient by a root as one by `rsqrt`, so values that must be
 rounded in between pass through `Rounding`.
 """
@@ -34,7 +34,7 @@ from taskspec.language.draws.threefry import PARITY, ROTATIONS
 from taskspec.language.expressions.batch import Runtime
 
 xp: Any = jnp
-"""What entries of `taskspec.language.expressions.variates` compute with."""
+"""The array library of entries of `taskspec.language.expressions.variates`."""
 BIAS = 1 << 31
 """Words are compared as int32, less this, where ints are signed."""
 UNROLLED = 8
@@ -169,7 +169,7 @@ def normal_pair(radius: AnyArray, angle: AnyArray) -> tuple[AnyArray, AnyArray]:
     return rounded(r * _real(_bits(cosine) ^ sign)), rounded(r * sine)
 
 
-# -- variates: those of `taskspec.language.draws`, with the lanes last ------------------------------------------------------
+# -- variates of `taskspec.language.draws`, with the lanes last ------------------------------------------------------
 
 
 def normals(words: AnyArray, n: int) -> AnyArray:

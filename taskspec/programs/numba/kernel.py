@@ -270,4 +270,4 @@ class KernelLane(LaneEmitter):
 
 
 _FOLDS = {"sum": ("+", "0"), "prod": ("*", "1"), "any": ("|", "False"), "all": ("&", "True")}
-"""What stands between the elements of a reduction, and its value where there are none."""
+"""Operator between the elements of a reduction, and its value where there are none."""

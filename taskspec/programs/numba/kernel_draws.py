@@ -1,4 +1,4 @@
-"""Random words and variates in generated kernels: those of `taskspec.language.draws`, operation for operation.
+"""Random words and variates in generated kernels: `taskspec.language.draws`, operation for operation.
 
 No branches, no calls of a C library, no look-ups: a loop over lanes of such code becomes one over vectors of lanes.
 """

@@ -56,7 +56,7 @@ class Program:
         self.states = [row_names(f"s{i}", c.type.shape) for i, c in enumerate(task.state)]
         self.measures = [f"measure{i}" for i in range(len(task.process.measures))]
         self.seen = []
-        self.final: dict[str, str] = {}  # row of the observations -> where that of the end of an episode is kept
+        self.final: dict[str, str] = {}  # row of the observations -> row of the last observation of an episode
         for i, part in enumerate(self.observation.parts):
             rows = row_names(f"seen{i}", part.shape)
             self.seen.append(rows)

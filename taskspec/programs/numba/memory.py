@@ -41,8 +41,8 @@ class Field:
 class Block:
     """The memory of some lanes as one array, uint64.
 
-    `arrays` are views of it, (*shape, lanes), whose rows are `pitch` numbers apart; `scratch` says where that of each thread
-    begins, in numbers of 32 bits.
+    `arrays` are views of it, (*shape, lanes), whose rows are `pitch` numbers apart; `scratch` is the place of each
+    thread's scratch, in numbers of 32 bits.
     """
 
     memory: Array

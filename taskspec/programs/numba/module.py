@@ -10,7 +10,7 @@ from taskspec.programs.numba.loops import LoopFunction, Program, action_places, 
 from taskspec.programs.vector_program import Mode
 
 BAD = -1
-"""What `step` returns where an action is not in the action space; nothing has changed then."""
+"""Result of `step` for an action outside the action space; nothing has changed then."""
 _MATH = sorted({name for operator in OPERATORS.values() for name in operator.kernel.names})
 _IMPORTS = [
     "import numpy as np", "",
@@ -75,7 +75,7 @@ def _blocks(p: Program, body: list[str]) -> list[str]:
 
 
 _LATE = ["late = gather(n, ended, lanes)", "for i in range(late):", "    time[u64(lanes[i])] = 0"]
-"""What the step makes of lanes that begin again is dropped; but it may look things up by the time."""
+"""The step's results for lanes that begin again are dropped; but it may look things up by the time."""
 _UNDO = [
     "for i in range(late):",
     "    j = u64(lanes[i])",

@@ -113,7 +113,7 @@ class Ready:
     """The first state of the next episode of every lane, computed for many lanes at once."""
 
     def __init__(self, roots: Sequence[Node], layout: WordLayout, buffers: Buffers) -> None:
-        # What is observed at first is often the state itself: such values are kept once.
+        # The first observation is often the state itself: such values are kept once.
         self._roots = tuple(dict.fromkeys(roots))
         self._buffers = buffers
         self._places = list(map(self._roots.index, roots))

@@ -98,8 +98,8 @@ class ScalarProgram:
 class Lane:
     """One environment: `reset()`, `step(action)`, and its state (component values, clock) to get and put.
 
-    A value that `get` gives as None is that of the last reset (`ScalarProgram.replay`); `put` needs all values. `mask()` gives
-    the legal actions, int8 (n,); None where all actions are legal.
+    A value that `get` gives as None has not changed since the last reset (`ScalarProgram.replay`); `put` needs all values.
+    `mask()` gives the legal actions, int8 (n,); None where all actions are legal.
     """
 
     reset: Callable[[], tuple[Any, dict[str, Any]]]

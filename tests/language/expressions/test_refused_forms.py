@@ -57,7 +57,7 @@ FORMS = [
     ("1 + (s", "E301", 5, "this '(' is never closed", None),
     ("s if true' else 0", "E302", 6, "'true'' is not defined", None),
     ("sum([true for true in range(3)])", "E316", 15, "binds plain names", None),
-    ("a' + s", "E308", 1, "'a' has no next value", "`memory` may use that of an observation"),
+    ("a' + s", "E308", 1, "'a' has no next value", "`memory` may use the next value of an observation"),
     ("z' + s", "E302", 1, "'z'' is not defined", None),
     ("1 + max", "E304", 5, "'max' is a function", None),
     ("1 + S", "E302", 5, "'S' is not defined", "'s'"),

@@ -32,7 +32,7 @@ FUNCTIONS: dict[str, Function] = entries_by_name(
 )
 """The functions that authors write: each names one operator or composes several."""
 INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *vectors.INFIX)}
-"""What authors write between or before operands."""
+"""The operators that authors write between or before operands."""
 
 
 def entry_of(op: str) -> OperatorEntry:

@@ -14,7 +14,7 @@ from taskspec.language.expressions.types import Args, Interval, Kind, Shape, Typ
 
 
 class NodeMaker(Protocol):
-    """Makes nodes; each method is that of `lang.builder.Builder`."""
+    """Makes nodes, with the methods of `builder.Builder`."""
 
     def const(self, value: Any, type: Type) -> Const: ...
 
@@ -73,7 +73,7 @@ ENCLOSED = Brackets(Level.ATOM, (Level.SCOPE,))
 """Whatever stands between delimiters of its own, as the arguments of most functions do."""
 
 
-# What an entry of the operator table says.
+# An entry of the operator table.
 
 Build = Callable[[NodeMaker, list[Node]], Node]
 Linear = Callable[[Sequence[bool]], bool]
@@ -102,7 +102,7 @@ class Function:
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
     `{0}`, `{1}`, ...; `{*}` is all arguments with commas, and `brackets` says which operands need them. `static`
     arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes, with
-    `applies` those of one operator. `whole` says that it takes vectors as a whole and not element by element.
+    `applies` makes nodes of one operator. `whole` says that it takes vectors as a whole and not element by element.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Infix:
     precedence: int
     latex: str
     doc: str
-    brackets: Brackets | None = None  # relations share those of `compare`
+    brackets: Brackets | None = None  # relations share the brackets of `compare`
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +190,7 @@ class Kernel:
 
 
 class Elements(Enum):
-    """Relations of the elements of an operator's value to those of its arguments, except `indices`."""
+    """Relations of the elements of an operator's value to the elements of its arguments, except `indices`."""
 
     COMPUTED = "new values"
     MOVED = "elements of the arguments, at places that their values do not decide"

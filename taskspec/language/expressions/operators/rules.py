@@ -29,7 +29,7 @@ from taskspec.language.expressions.types import (
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
 """Result type from argument types, or a sentence about what is wrong."""
 Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
-"""The kinds that an operator works on, from those of its arguments and of its result; nothing is ever demoted."""
+"""The kinds that an operator works on, from the kinds of its arguments and of its result; nothing is ever demoted."""
 Bounds = Callable[[Args, Apply], Interval]
 _FACTORS = 10_000
 """Products of more elements are not followed factor by factor."""

@@ -26,9 +26,9 @@ Draws = Any
 Words are uint32 and lie along the first axis, the lanes along the last one. Functions have the names that `draws` gives.
 """
 LaneWriter = Any
-"""What writes a draw into the scalar program: `taskspec.programs.lane_form`."""
+"""The emitter of the scalar program: `taskspec.programs.lane_form`."""
 KernelWriter = Any
-"""What writes a draw into a kernel, without branches: `taskspec.programs.numba.kernel`.
+"""The emitter of a kernel, without branches: `taskspec.programs.numba.kernel`.
 
 Statements may use the functions of `taskspec.programs.numba.runtime` and `taskspec.programs.numba.kernel_draws`.
 """
@@ -83,7 +83,7 @@ class Variate:
     simpler than a batch of one. All backends give the same to the bit. `many` is None for what stands in exact models only, and
     is never drawn.
 
-    What depends on draws alone is worked out in blocks by `many`. Where a distribution depends on the state, the scalar
+    Values that depend on draws alone are worked out in blocks by `many`. Where a distribution depends on the state, the scalar
     program has the form `lane`, or else calls `one`. Kernels have the expressions `kernel`, one for each element; or a `loop` of
     `taskspec.programs.numba.kernel_draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
     the elements as comparisons of words (ints, less a bias) with known thresholds, where it can.
@@ -134,7 +134,7 @@ def groups(draw: Draw, words: Sequence[str]) -> list[str]:
 # -- outcomes -----------------------------------------------------------------------------------------------------
 
 FAINTEST = 5e-324
-"""What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
+"""The least weight of possible outcomes, so that a product of small probabilities does not make them impossible."""
 
 
 def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> Outcomes:

@@ -21,7 +21,7 @@ from taskspec.language.task.schema.export import keys_at
 from taskspec.language.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
 from taskspec.language.task.schema.values import Problem, advice
 
-# What belongs where pydantic found something else, by the type of its error.
+# Expected values, by the type of pydantic's error.
 _EXPECTED = {
     "string_type": "text",
     "int_type": "a whole number",
@@ -171,7 +171,7 @@ def validated(merged: Merged) -> Spec:
 
     Raises:
         SpecError: for a section that is missing, an entry that a variant changes though there is none, and keys that do not go
-            together once those of a variant stand among those of what it is based on.
+            together once the keys of a variant stand among the keys of its base.
     """
     collector = Collector()
     for problem in _strays(merged):

@@ -115,7 +115,7 @@ class TaskEntry(Strict):
         "others, `L // 2`."
     )
     zip: dict[Name, Listed] = named("Lists of values that go together, the first with the first, and so on.")
-    modifiers: list[ModifierEntry] = listed("What is laid over the task, in order.")
+    modifiers: list[ModifierEntry] = listed("Modifiers of the task, in order.")
     sample: int | Sample | None = optional("How many of the settings, drawn at random.")
 
     @model_validator(mode="after")
@@ -147,7 +147,7 @@ class Plot(Strict):
 
     x: Name | None = optional("The parameter along the axis; the first that varies unless given.")
     y: Name | None = optional("The parameter along the other axis of a heat map.")
-    show: list[str] = listed("What is drawn: columns of the table of results.")
+    show: list[str] = listed("Columns of the table of results to draw.")
     log: list[str] = listed("Which axes are logarithmic: names of parameters, or `value`.")
 
 
@@ -159,7 +159,7 @@ class Experiment(Strict):
         str, checked(_file_name), Field(min_length=1, description="A short name; files of results are called by it.")
     ]
     title: str | None = optional("Its heading.")
-    doc: str | None = optional("What it is about.")
+    doc: str | None = optional("Its subject.")
     tasks: Annotated[list[TaskEntry], Field(min_length=1, description="The tasks, each at some settings.")]
     measures: list[str] | None = optional("Measures of difficulty, by name; all of them unless given.")
     policies: list[str] = listed("Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).")
@@ -177,7 +177,7 @@ class Experiment(Strict):
         1000, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
     )
     speed: bool = Field(False, description="Whether steps per second are measured.")
-    plot: Plot = Field(default_factory=Plot, description="What the picture shows.")
+    plot: Plot = Field(default_factory=Plot, description="The contents of the picture.")
 
 
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
@@ -190,9 +190,9 @@ class DiagnosisEntry(Strict):
     """The usual meaning of a pattern of scores."""
 
     when: str = Field(description="A condition over scores: `score(EarlyTermPos) > 0.9 and score(EarlyTermNeg) < 0`.")
-    message: str = Field(description="What it says about the learner, in one sentence.")
-    cause: str = Field(description="What usually causes it.")
-    try_: str = Field(alias="try", description="What to try.")
+    message: str = Field(description="Statement about the learner, in one sentence.")
+    cause: str = Field(description="The usual cause.")
+    try_: str = Field(alias="try", description="Advice.")
     source: Source = Field(description="Where this is known from.")
     unless: list[str] = listed("Diagnoses that say more: where one of them holds, this one is not told.")
     alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
@@ -221,13 +221,11 @@ class ExamDocument(Strict):
 
     exam: int = Field(description="The version of the format: 1.")
     title: str | None = optional("Its heading.")
-    doc: str | None = optional("What it is about.")
+    doc: str | None = optional("Its subject.")
     tasks: list[str] = listed(_TASKS)
     steps: int | None = optional("Environment steps of each training run; 500,000 unless given.", ge=1)
     groups: dict[Name, list[str]] = named("Names for several tasks, for `all(... for t in group)`.")
-    same: dict[str, str] = named(
-        "Tasks whose results count as those of another, where that was not run; for findings, too."
-    )
+    same: dict[str, str] = named("Tasks whose results stand in for another task that was not run; for findings, too.")
     evaluate: Evaluation | None = optional("A longer horizon, on which policies are scored as well.")
     diagnoses: dict[Name, DiagnosisEntry] = named("Rules over the scores of one learner, by name.")
 
@@ -236,7 +234,7 @@ class FindingEntry(Strict):
     """A statement of a source about the results of several learners."""
 
     where: str = Field(description="Where the source says it.")
-    says: str = Field(description="What it says, in one sentence.")
+    says: str = Field(description="The statement, in one sentence.")
     holds: str = Field(description="A condition over scores: `score(GAIL_IM, EarlyTermNeg) < 0`.")
     note: str | None = optional("Why it is so, or is expected not to be.")
 
@@ -246,7 +244,7 @@ class FindingsDocument(Strict):
 
     findings: int = Field(description="The version of the format: 1.")
     title: str | None = optional("Its heading.")
-    doc: str | None = optional("What it is about.")
+    doc: str | None = optional("Its subject.")
     source: Source = Field(description="Whose findings they are.")
     tasks: list[str] = listed(_TASKS)
     learners: dict[Name, str] = Field(description="The learners, by the names that conditions use, with what they are.")

@@ -60,8 +60,8 @@ class Source(Strict):
 class Erratum(Strict):
     """A place where the source contradicts itself or is wrong, and what this spec does."""
 
-    source: str = Field(description="What the source says, and where.")
-    here: str = Field(description="What this spec does instead.")
+    source: str = Field(description="The statement of the source, with its place.")
+    here: str = Field(description="The choice of this spec.")
     because: str | None = optional("Why.")
     about: list[Changeable] | None = optional(
         "The section, or sections, in which this spec differs: `[reward, horizon]`."
@@ -98,7 +98,7 @@ class ExampleEntry(Strict):
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in FOLLOWS]})
 
-    doc: str | None = optional("What it shows, in a few words.")
+    doc: str | None = optional("Its point, in a few words.")
     for_: Grid = optional(
         "Parameter values that it is about: `[{L: 2}]`, or a grid. Without it: defaults.", alias="for"
     )
@@ -113,9 +113,9 @@ class ExampleEntry(Strict):
     terminal: Expression | None = optional("Whether the step ends the episode.")
     truncated: bool | None = optional("Whether the horizon is reached with it.")
     observation: dict[Name, Expression] | None = optional(
-        "What the agent sees: in the next state where there is an action, else in the state."
+        "The agent's observation: in the next state where there is an action, else in the state."
     )
-    expert: dict[Name, Expression] | None = optional("What the expert does in the state.")
+    expert: dict[Name, Expression] | None = optional("The expert's action in the state.")
     probability: Expression | None = optional(
         "The joint probability of all this. Without it: 1, or as the distributions say."
     )
@@ -167,7 +167,7 @@ class FigureEntry(Strict):
     )
     map: str | None = optional("The constant that is a grid's map.")
     objects: dict[str, Expression] | None = optional(
-        "What else is on a grid, as `word: place`; what lies outside is not drawn."
+        "Other things on a grid, as `word: place`; places outside are not drawn."
     )
     curve: Expression | None = optional("A function of the first of `at`.")
     values: Expression | None = optional("The vector that bars show, the angles of an arm, or what a series shows.")
@@ -191,9 +191,9 @@ class AbstractionEntry(Strict):
 class SymmetryEntry(Strict):
     """Another way to see and to steer the task, in which every policy has one that earns the same."""
 
-    doc: str | None = optional("What is exchanged or turned, in a few words.")
+    doc: str | None = optional("The exchange or turn, in a few words.")
     observation: dict[Name, Expression] | None = optional(
-        "What is seen then, as a function of the task's observation. What is neither named nor used stays."
+        "The observation after it, as a function of the task's observation. Components neither named nor used stay."
     )
     action: dict[Name, Expression] | None = optional(
         "The action that then has the effect of the task's action. Components that are not named stay."
@@ -233,7 +233,7 @@ class Sections(Strict):
         "Condition over state and action that says which actions may be taken; all, without it."
     )
     observation: Observation = named(
-        "What the agent sees, as `name: expression`, which may draw. Without it: the state. "
+        "The agent's observation, as `name: expression`, which may draw. Without it: the state. "
         "The key `space` chooses the kind of space."
     )
     horizon: Horizon = optional("Steps until an episode is truncated, or `none`.")
@@ -249,9 +249,9 @@ class Sections(Strict):
         "Named quantities beside the reward, written like it: costs, hidden performance."
     )
     expert: Expert = optional("Action of the expert, per component; or `optimal`; or `soft(beta)`.")
-    memory: dict[Name, MemoryEntry] = named("What the expert remembers of what it sees and does, apart from the state.")
+    memory: dict[Name, MemoryEntry] = named("The expert's memory of observations and actions, apart from the state.")
     info: list[Literal["old_state", "new_state"]] = listed(
-        "What the info of a step holds: `old_state`, the state left, and `new_state`, the state reached."
+        "Entries of a step's info: `old_state`, the state left, and `new_state`, the state reached."
     )
     roles: Roles | None = optional("Which variants expert and learner act in.")
     claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = listed("Statements about exact results that must hold.")
@@ -346,6 +346,6 @@ class Spec(Head, Sections):
 
 
 class Extension(Head, Variant):  # type: ignore[valid-type, misc]
-    """A spec that says how it differs from that of another file."""
+    """A spec that says how it differs from a spec in another file."""
 
     extends: str = Field(description="The file of another spec to start from, relative to this one.")

@@ -111,7 +111,7 @@ NAMES: dict[str, dict[str, Any]] = {
         ("Warning", f"({'|'.join(values.WARNINGS)})", "the code of a warning"),
     )
 }
-"""What keys may be, by title; the message is an editor's."""
+"""Patterns of keys, by title; the messages are for editors."""
 
 Name: TypeAlias = Annotated[str, AfterValidator(_checked(values.name)), WithJsonSchema(NAMES["Name"])]
 Primed: TypeAlias = Annotated[str, AfterValidator(_checked(values.primed)), WithJsonSchema(NAMES["PrimedName"])]
@@ -140,7 +140,7 @@ class Typed(Strict):
         "For a choice: its labels, or a mapping from each label to the number or vector it stands for in arithmetic."
     )
     symbol: str | None = optional("How to print it, in LaTeX: `c_0`, `\\beta`.")
-    doc: str | None = optional("What it is, in a few words.")
+    doc: str | None = optional("Its meaning, in a few words.")
 
 
 EXCLUDED = {
@@ -151,7 +151,7 @@ EXCLUDED = {
 }
 """The keys that an entry of each type does not have."""
 DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": ["boolean"], "choice": ["string"]}
-"""What the default of each type is written as, in JSON Schema's words; a text is a formula, or a label."""
+"""Forms of the default of each type, in JSON Schema's words; a text is a formula, or a label."""
 
 
 def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
@@ -177,7 +177,7 @@ class ParameterEntry(Typed):
 
     model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
 
-    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    type: Kind = Field(description="The kind of value: int, real, bool, or choice (a label).")
     default: Setting = Field(description="The value when none is given.")
     alias: Name | None = optional("Another name under which callers may give it.")
 
@@ -202,7 +202,7 @@ class ComponentEntry(Typed):
 
     model_config = ConfigDict(json_schema_extra=_rules(_component_rule))
 
-    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    type: Kind = Field(description="The kind of value: int, real, bool, or choice (a label).")
     shape: Shape = optional("Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
     symbols: list[str] | None = optional("For a choice: how to print its labels in LaTeX, in the same order.")
 
@@ -237,7 +237,7 @@ class Requirement(Strict):
     """A condition that parameters must meet together."""
 
     condition: str = Field(description="A condition over the parameters: `L >= B`.")
-    message: str = Field(description="What to say when it does not hold.")
+    message: str = Field(description="The message where it does not hold.")
 
 
 class Parameters(BaseModel):

@@ -12,7 +12,7 @@ from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Advice, suggest
 
 # ---------- problems
-# What may be wrong with a value of a spec, and what other formats call its keys.
+# Problems with values of a spec, and names of its keys in other formats.
 
 _NAMES: Mapping[str, str] = {
     "terminal": "done terminated termination terminate terminals is_terminal goal end until",
@@ -67,7 +67,7 @@ def advice(word: str, known: Collection[str]) -> str | None:
 OWN_WORDS = ("and", "or", "not", "in", "if", "else", "for", "true", "false", "True", "False")
 """Words that expressions use."""
 WORDS = (*keyword.kwlist, "true", "false")
-"""What no name can be: words that expressions use, and other words of Python, by whose grammar they are read."""
+"""Words that cannot be names: words that expressions use, and other words of Python, by whose grammar they are read."""
 
 
 class Problem(NamedTuple):
