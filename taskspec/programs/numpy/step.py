@@ -169,11 +169,11 @@ def _sinks(
     n = len(task.state)
     sinks: dict[int, Sink] = {}
     for c, name, root in zip(task.state, states, roots, strict=False):
-        reads_of_component = set()
+        own_reads = set()
         for r in walk(roots):
             if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name):
-                reads_of_component.add(id(r))
-        held = frozenset(reads_of_component)
+                own_reads.add(id(r))
+        held = frozenset(own_reads)
         sinks.setdefault(id(root), Sink(name, held))
     if roots[n].type.kind is Kind.REAL:
         sinks.setdefault(id(roots[n]), Sink("reward"))

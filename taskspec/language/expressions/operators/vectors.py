@@ -355,10 +355,10 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
 def _columns(b: NodeMaker, x: Node) -> list[Node]:
     rows, columns = x.type.shape
     flat = b.structure("reshape", [x], (rows * columns,))
-    columns_ = []
+    slices = []
     for j in range(columns):
-        columns_.append(b.structure("slice", [flat], (j, rows, columns)))
-    return columns_
+        slices.append(b.structure("slice", [flat], (j, rows, columns)))
+    return slices
 
 
 def _need_vector(name: str, node: Node) -> int:
