@@ -135,6 +135,9 @@ def load(
         modifiers: what to change of the task, in order (see `taskspec.modify`), after those that it has.
         **parameters: values of the task's parameters; the others keep their defaults, or the values that a given task has.
 
+    Returns:
+        The task, immutable and complete.
+
     Raises:
         SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
     """

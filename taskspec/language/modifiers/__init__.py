@@ -119,7 +119,7 @@ def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
 
 
 def modify(task: Task, *modifiers: Written) -> Task:
-    """Return the task with modifiers, one after the other.
+    """Apply modifiers to a task, one after the other.
 
     Args:
         task: the task; `taskspec.load(id, modifiers=[...])` is the same of an id or a path.
@@ -128,6 +128,9 @@ def modify(task: Task, *modifiers: Written) -> Task:
 
     An expert that is written out stays where the best policies do; one that is planned is planned for the changed task. Claims
     and examples are about the task as written, and go, except with `absorbing` and `time_observed`.
+
+    Returns:
+        Another task; the given one stays the same.
 
     Raises:
         SpecError: E718 for an unknown modifier, E719 for wrong arguments, E720 for one that the task cannot be given.
