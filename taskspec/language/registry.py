@@ -117,6 +117,11 @@ def add(entry: Entry) -> None:
 
 
 def task_ids() -> list[str]:
+    """List the ids of all known tasks.
+
+    Returns:
+        Ids of the form `suite/Name-vN`, sorted: of the shipped tasks and of registered ones.
+    """
     return sorted(known())
 
 
