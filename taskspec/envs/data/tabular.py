@@ -14,7 +14,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.envs.data.episodes import EXTRA, Seen
 from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.extract import extract
+from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse
 from taskspec.exact.policies.policy import named
 from taskspec.language.expressions.batch import evaluate
@@ -204,7 +204,10 @@ def tabular(task: TaskLike) -> Tabular:
     ends = is_random(terminal) or bool(components_read(terminal) or components_read(terminal, Role.ACTION))
     if ends:
         task = modify(task, "absorbing")
-    model = extract(task, True if ends else None)
+    if ends:
+        model = extract(task, reachable=True)
+    else:
+        model = lasting(extract(task))
     over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())  # where the time alone ends episodes
     horizon = next(over, model.horizon)
     first, *others = {id(step): step for step in model.steps[:horizon]}.values()

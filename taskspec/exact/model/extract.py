@@ -28,6 +28,8 @@ from taskspec.language.task.task import Task, TaskLike
 
 WHOLE = 4_000_000
 MANY = 10_000
+FEW = 50
+"""Of models with less than one in so many of the declared states, all are never taken, such as of boards with two mines."""
 NEARLY_ALL = 3 / 4
 """Of so many states, those that episodes enter are searched for, and all are taken once that is nearly all of them."""
 MOST_ACTIONS = 10_000_000
@@ -93,6 +95,20 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     first, weight = steps.starts()
     start[np.searchsorted(codes, first)] = weight
     return _checked(Model(task, steps.states, steps.actions, codes, start, _steps(steps, codes, room.times)))
+
+
+def lasting(model: Model) -> Model:
+    """Return the model with all declared states, where it lacks some that longer episodes would enter.
+
+    Values of states at times at which no episode is there depend on these. A model of few of the declared states, or of too
+    many of them, is returned as it is.
+    """
+    size = model.states.size
+    if model.is_closed or model.n_states <= size // FEW or size > WHOLE:
+        return model
+    with suppress(NoModel):
+        return extract(model.task, reachable=False)
+    return model
 
 
 def with_reward(model: Model, reward: Node) -> Model:
@@ -402,7 +418,7 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
 def _columns(codes: Array, reached: Array) -> Array:
     """Return indices of the states reached; `extract` sees to it that none that matters is outside."""
     if len(codes) and codes[-1] == len(codes) - 1:
-        return reached.astype(np.int32)
+        return np.minimum(reached, len(codes) - 1).astype(np.int32)
     return np.minimum(np.searchsorted(codes, reached), len(codes) - 1).astype(np.int32)
 
 

@@ -271,6 +271,15 @@ class Model:
             return self.entered
         return self._entered(self.start > 0, self._first_times(None) < NEVER, 0)
 
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether episodes that begin in any state in which one acts, at any time, stay within the states of the model."""
+        if self.n_states == self.states.size:
+            return True
+        if self.is_timed:
+            return False
+        return not (self.successors(self.step(0).P, self.acting) & ~self.acting).any()
+
     def _entered(self, found: Array, acting: Array, t: int) -> Array:
         for matrix in self.step(t).matrices:
             found = found | self.successors(matrix, acting)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array, map_parts, parts_of
-from taskspec.exact.model.extract import extract
+from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
@@ -28,7 +28,7 @@ LARGEST = 2**24
 
 def model_of(task: TaskLike) -> Model:
     """Return the exact model of a task; refuse (E712) one whose tables over time would not fit in memory."""
-    model = extract(load(task))
+    model = lasting(extract(load(task)))
     if times(model) * model.n_states * model.n_actions > LARGEST:
         refuse(f"tables of {model.task.id} over time, states and actions would take gigabytes")
     return model

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.exact.model.extract import extract
+from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.policies.policy import best_actions
 from taskspec.language.expressions.types import Kind
@@ -208,7 +208,7 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
     """
     if task.mask:
         refuse(f"some actions of {task.id} are illegal, and operators over the legal ones alone are not known")
-    model = extract(task)
+    model = lasting(extract(task))
     if model.is_timed:
         refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")
     if model.n_states * model.n_actions > LARGEST:
@@ -217,7 +217,7 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
     step = model.step(0)
     changed = {}
     for name, change in REWARD_CHANGES.items():
-        changed[name] = extract(change(task)).step(0).R.reshape(shape)
+        changed[name] = lasting(extract(change(task))).step(0).R.reshape(shape)
     P = step.P
     P_end = step.P_end
     if P.shape[0] * P.shape[1] <= DENSE:

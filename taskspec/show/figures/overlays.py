@@ -13,6 +13,7 @@ from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.display import number
 from taskspec.exact import Model
 from taskspec.exact.abstraction.abstraction import abstraction, extract
+from taskspec.exact.model.extract import lasting
 from taskspec.exact.solve import plans, solve
 from taskspec.exact.solve.backward import Plan
 from taskspec.language.registry import load
@@ -71,7 +72,7 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise spec_error("E713", message)
-    model = model or extract(task)
+    model = lasting(model or extract(task))
     if wanted & {"expert", "occupancy"}:
         acting = _acting(task, model)
     else:
@@ -131,7 +132,7 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
         if task.annotations.memory is None:
             whole = model
         else:
-            whole = extract(task.remembering())
+            whole = lasting(extract(task.remembering()))
     except SpecError:  # too many states with the memory
         return None
     plan = plans.expert_plan(whole)

@@ -13,6 +13,7 @@ from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.display import number, small_fraction
 from taskspec.envs import Environment, window
 from taskspec.envs.rollouts import ENDINGS, action_words, policy_for, rollouts
+from taskspec.exact.model.extract import lasting
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.policies.files import is_function, is_script
 from taskspec.exact.policies.policy import greedy
@@ -59,6 +60,7 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     model = results.model
     if model is None:
         refuse(f"there is no exact model: {results.why_not}", results.remedy)
+    model = lasting(model)
     plan_name = str(message.get("plan", "optimal"))
     rule = _rule(results, plan_name, float(message.get("temperature") or 1.0))
     if model.horizon is None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact import extract
-from taskspec.exact.model.extract import visits
+from taskspec.exact import check, extract
+from taskspec.exact.model.extract import lasting, visits
 from taskspec.exact.model.model import NEVER, Model
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.solve import solve
@@ -22,6 +22,7 @@ from taskspec.language.expressions.types import Role
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from taskspec.show.figures.overlays import overlay
 from tests.shared.sections import text
 from tests.shared.solved import worst
 from tests.shared.tasks import Small, shipped, spec
@@ -205,3 +206,27 @@ def test_a_search_counts_the_outcomes_of_draws(set_limits: Callable[..., None]) 
     set_limits(seconds=1)
     with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
         visits(Steps(build(read_text(text))))
+
+
+ROAD = """
+taskspec: 1
+name: Road
+state: {s: {type: int, low: 0, high: 19999}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 500
+initial: {s: 0}
+dynamics: {s': "min(s + a, 19999)"}
+reward: s'
+expert: {a: 1}
+"""
+
+
+def test_states_that_only_longer_episodes_enter_are_there_where_values_depend_on_them() -> None:
+    """500 steps along a road of 20,000 places."""
+    task = build(read_text(ROAD))
+    model = extract(task)
+    assert (model.n_states, model.is_closed) == (501, False)
+    assert lasting(model).n_states == 20_000
+    shown = overlay(task, ["values"], model).values
+    assert shown[400] == sum(400 + step for step in range(1, 501))
+    assert [d.message for d in check(task).diagnostics] == []
