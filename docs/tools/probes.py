@@ -17,8 +17,9 @@ from taskspec.language.task.schema.experiments import DiagnosisEntry
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import dynamics_of
-from taskspec.learn.exam.fingerprints import fingerprint, greedy_ways
+from taskspec.learn.exam.fingerprints import fingerprint
 from taskspec.learn.exam.operators import GOOD, OPERATORS
+from taskspec.learn.exam.ways import greedy_ways
 
 PAGE = Path(__file__).parents[1] / "explain" / "probes.md"
 GAMMAS = (0.9, 0.99)

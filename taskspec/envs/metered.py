@@ -15,8 +15,8 @@ from taskspec.language.task.task import Task
 class Meter(Protocol):
     """Who counts steps, follows episodes, and decides what is paid for steps."""
 
-    def begin(self, lanes: int) -> None:
-        """Note that new episodes begin in all lanes."""
+    def begin(self, lanes: int, seed: Any) -> None:
+        """Note that new episodes begin in all lanes, with the seed that was asked for, if any."""
 
     def spend(self, steps: int) -> None:
         """Count steps before they are taken; its exceptions reach the caller of the step."""
@@ -48,11 +48,12 @@ class Metered(gymnasium.Env[Any, Any]):
         self._seed: int | None = seed
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        asked = seed
         if seed is None:
             seed = self._seed
             self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
-        self._meter.begin(1)
+        self._meter.begin(1, asked)
         return self._before, told
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -35,12 +35,13 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
+        asked = seed
         if seed is None:
             seed = self._seed
             self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
         if "reset_mask" not in (options or {}):
-            self._meter.begin(self.num_envs)
+            self._meter.begin(self.num_envs, asked)
         self._is_reset_next = np.zeros(self.num_envs, np.bool_)
         return self._before, told
 

@@ -51,7 +51,7 @@ def test_a_mistake_is_named_by_learned_values(name: str, tmp_path: Path) -> None
     path.write_text(bug.source(), encoding="utf-8")
     train = function_of(f"{path}:train")
     tasks = [f"probes/{probe}" for probe in PROBES]
-    exam = examine(train, suite="probes", tasks=tasks, seeds=[4000], steps=TERMS["replay"].steps, twins=0)
+    exam = examine(train, suite="probes", tasks=tasks, seeds=range(4000, 4003), steps=TERMS["replay"].steps, twins=0)
     (found,) = explanations(exam["scores"])
     assert found.names == tuple(bug.causes)
 

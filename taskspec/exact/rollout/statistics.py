@@ -344,11 +344,14 @@ def _welch_interval(first: Array, second: Array) -> tuple[float | None, float | 
     if min(len(first), len(second)) < 2:
         return None, None
     effect = float(first.mean() - second.mean())
-    a = float(first.var(ddof=1)) / len(first)
-    b = float(second.var(ddof=1)) / len(second)
-    parts = a**2 / (len(first) - 1) + b**2 / (len(second) - 1)
+    with np.errstate(over="ignore"):
+        a = first.var(ddof=1) / len(first)
+        b = second.var(ddof=1) / len(second)
+        parts = a**2 / (len(first) - 1) + b**2 / (len(second) - 1)
     if parts == 0:
         return effect, effect
+    if not np.isfinite(parts):
+        return None, None
     tail = (1 - CONFIDENCE) / 2
     reach = -math.sqrt(a + b) * float(special.stdtrit((a + b) ** 2 / parts, tail))
     return effect - reach, effect + reach

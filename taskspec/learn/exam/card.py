@@ -30,6 +30,7 @@ FLAG_WORDS = {
     "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
     "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward", "policy": "wrong policy",
     "changed": "has changed", "diagnosis": "new diagnosis", "law": "breaks a law",
+    "seeds": "same seeds",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
 # -- flags
@@ -172,10 +173,9 @@ def _as_run(exam: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _notes(exam: Mapping[str, Any], is_wrong: bool) -> list[str]:
-    """Return what is undecided and left out, and what was learned, where nothing else says that something is wrong."""
+    """Return what is undecided and left out, and what was learned; not that it is right, where something else is wrong."""
     notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
-    if not is_wrong:
-        notes += learned_notes(exam["scores"])
+    notes += learned_notes(exam["scores"], is_wrong)
     for task, about in exam["tasks"].items():
         if about.get("cannot"):
             notes.append(f"it cannot learn {task_name(task)}: {about['cannot']}")

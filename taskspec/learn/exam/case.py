@@ -59,6 +59,33 @@ KEPT = 250_000
 """Different steps that are remembered at least, of which the latest count."""
 
 
+RESEEDED = 10
+"""Resets with a seed that was given before, at least, that are worth a flag."""
+
+
+class _Resets:
+    """Counts resets, and those with a seed that was given before."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        self.again = 0
+        self.seeds: set[str] = set()
+
+    def add(self, seed: Any) -> None:
+        """Count a reset with a seed, or without one."""
+        self.number += 1
+        if seed is not None:
+            self.again += str(seed) in self.seeds
+            self.seeds.add(str(seed))
+
+    @property
+    def reseeded(self) -> float:
+        """The share of resets with a seed that was given before; 0 where there are few of these."""
+        if self.again < RESEEDED:
+            return 0.0
+        return self.again / self.number
+
+
 class Oracle:
     """Remembers the rewards of the steps that a learner saw, and compares by them.
 
@@ -195,6 +222,7 @@ class Case:
         self.seeds = tuple(seeds)
         self.terms = terms
         self.spent = Spent()
+        self.resets = _Resets()
         self._judge = task
         self._negated = negated
         self._made = 0
@@ -359,7 +387,8 @@ class _Meter:
         self.total = 0.0
         self.weight = 1.0
 
-    def begin(self, lanes: int) -> None:
+    def begin(self, lanes: int, seed: Any) -> None:
+        self.case.resets.add(seed)
         self.episodes.begin(lanes)
         self.total = 0.0
         self.weight = 1.0

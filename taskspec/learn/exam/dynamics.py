@@ -76,6 +76,27 @@ class Dynamics:
             return np.zeros_like(self.R)
         return self.expected(self.P_end, self.learned(V))
 
+    @cached_property
+    def most(self) -> float:
+        """The largest sum of sizes of rewards, discounted, that any policy collects; infinite where there is no bound."""
+        size = np.abs(self.R)
+        Q = np.zeros_like(size)
+        for _ in range(STEPS):
+            before = Q
+            Q = size + self.gamma * self.expected(self.P, Q.max(axis=0))
+            if np.abs(Q - before).max() <= 1e-6 * (1 + Q.max()):
+                return float(Q.max())
+        return np.inf
+
+    @staticmethod
+    def row(P: Any, action: int, state: int) -> Array:
+        """Return the probabilities (S,) of what follows an action in a state."""
+        row = P[action * P.shape[1] + state]
+        if hasattr(row, "toarray"):
+            row = row.toarray()
+        found: Array = np.asarray(row).reshape(-1)
+        return found
+
     def expected(self, P: Any, V: Array) -> Array:
         """Return the expectation (A, S) of V (S,) under probabilities (A * S, S)."""
         found: Array = (P @ V).reshape(self.R.shape)
@@ -145,6 +166,15 @@ class Behaviour:
     def last(self) -> Array:
         """The share (S,) of the visits to each state in the last step before the limit."""
         return self._share(self.at_limit, self.total)
+
+    @cached_property
+    def last_states(self) -> Array:
+        """How often (S,) an episode is over in each state."""
+        s = self.dynamics
+        found: Array = s.P.T @ (self.pi * self.at_limit).reshape(-1)
+        if s.P_end is not None:
+            found = found + s.P_end.T @ (self.pi * self.total).reshape(-1)
+        return found
 
     @cached_property
     def after_end(self) -> Array:

@@ -27,9 +27,10 @@ from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, suites_of, tasks_of, twins_of
 from taskspec.learn.exam.budget import SEEDS, seeds_and_steps
 from taskspec.learn.exam.case import ExamTerms
+from taskspec.learn.exam.changes import almost, check_comparable
 from taskspec.learn.exam.examinee import Examinee, learner_of
 from taskspec.learn.exam.findings import diagnose, diagnosis_flag, new_diagnoses, undecided
-from taskspec.learn.exam.flags import check_comparable, flags
+from taskspec.learn.exam.flags import flags
 from taskspec.learn.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.learn.exam.learned import learned_flags
 from taskspec.learn.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, read, write
@@ -175,6 +176,7 @@ def _diagnose(found: Exam, suites: Iterable[str], baseline: Exam | None) -> None
     found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
     found["undecided"] = [each for name in suites for each in undecided(found, name)]
     if baseline is not None:
+        found["undecided"] += almost(found["tasks"], found["scores"], baseline)
         for name in suites:
             found["flags"] += [diagnosis_flag(found, each) for each in new_diagnoses(found, baseline, name)]
 
@@ -454,7 +456,8 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
-        "operators": row.get("operators"), "rewards": row.get("rewards"),
-        "pairings": row.get("pairings"),
+        "operators": row.get("operators"), "told": row.get("told"), "unread": row.get("unread"),
+        "rewards": row.get("rewards"), "pairings": row.get("pairings"),
         "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
+        "reseeded": row.get("reseeded"),
     }  # fmt: skip

@@ -16,7 +16,8 @@ from taskspec.exact.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, r
 from taskspec.exact.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.language.expressions.syntax import Expr
 from taskspec.language.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
-from taskspec.learn.exam.flags import differs
+from taskspec.learn.exam.changes import differs
+from taskspec.learn.exam.learned import explanations
 from taskspec.learn.exam.results import Diagnosis, Exam, Flag
 
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
@@ -238,10 +239,14 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
     if holding & alone:
         holding &= alone
+    explained = [each.names for each in explanations(exam["scores"]) if each.kind == "values"]
     found: list[Diagnosis] = []
     for rule in book.rules:
         entry = rule.entry
-        if rule.name in holding and isinstance(entry, DiagnosisEntry) and not holding & set(entry.unless):
+        if not isinstance(entry, DiagnosisEntry) or rule.name not in holding:
+            continue
+        is_contradicted = bool(entry.mistakes) and any(not set(names) & set(entry.mistakes) for names in explained)
+        if not holding & set(entry.unless) and not is_contradicted:
             evidence = truths[rule.name].evidence
             tasks = dict.fromkeys(task for each in evidence for task in each.tasks)
             found.append({

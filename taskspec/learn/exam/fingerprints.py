@@ -1,195 +1,41 @@
 """Fingerprints: which Bellman operator a learner really applies, read from the values that it learned.
 
 A learner that bootstraps comes to the fixed point of the operator that its code applies. On a finite task the fixed points of the
-right operator and of wrong ones are computed exactly, with the values on the way to them, since learners are stopped early; the
-nearest operator names the mistake, without a right version to compare with.
+right operator and of wrong ones are computed exactly. A learner that is stopped early is on its way (`taskspec.learn.exam.ways`):
+what is right is compared with all values on the way there, what is wrong with the fixed point alone. So values that are not
+finished speak for no mistake.
 
 The operators are in `taskspec.learn.exam.operators`, the symbols of this file in `taskspec.learn.exam.dynamics`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array, parts_of
+from taskspec.base.diagnostics import SpecError
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
 from taskspec.exact.policies.networks import outputs_of
 from taskspec.exact.policies.policy import states_of
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
-from taskspec.learn.exam.operators import GOOD, OPERATORS, BellmanOperator
-
-RIGHT = 0.15
-"""Values this near to right ones, as a share of their spread, are right."""
-NEAR = 0.3
-CLEARER = 0.5
-"""A mistake is named if the values are within `NEAR` of those of its operator, and their distance is at most `CLEARER` of that
-to right values."""
-SAME = 0.03
-"""Operators whose distances differ by less than this cannot be told apart."""
-EXPLORATIONS = (0.1, 0.2, 0.4)
-"""The shares of random actions of learners that act greedily otherwise."""
-FIRST_STRIDE, GROWTH = 0.1, 1.08
-"""Of the way to a fixed point: the share of its error by which the value that is visited most often changes in the first stride,
-and how much longer each stride is than the one before."""
-STRIDES = 2000
-"""Strides of a way, at most."""
-SLOWEST = 200
-"""Strides in which the change of the values has to be halved."""
-STRAIGHT = 0.01
-"""Two changes of values have the same direction if they differ by less than this share, but for their length."""
-LINE = np.linspace(0.02, 1, 50)
-"""Points of a straight part of a way, as shares of its length."""
-PRECISION = 1e-4
-"""Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
-
-EARLIER = (0.0, 0.2)
-"""The shares of random actions of an actor that are tried: its critic values what it did until now, which was more random."""
-
-Acts = Callable[[Array], Array]
-"""From Q, (A, S), to the probabilities of actions, (A, S)."""
-
-
-# -- values that operators lead to --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Way:
-    """Values (N, A, S), or (N, S) of a critic, that learners pass who apply an operator; the last ones are its fixed point.
-
-    They begin at the value before anything is learned. In a stride, values move towards their targets: all that are visited
-    alike, or as much as their visits say, so that what is visited rarely is learned late. Where all reach their targets, and
-    each change is a part of the one before, the rest of the way is one stride along a line.
-
-    Attributes:
-        points: the values, from the first to the last ones.
-        Q: the last Q-values (A, S).
-        settles: whether these are a fixed point.
-    """
-
-    points: Array
-    Q: Array
-    settles: bool
-
-    @property
-    def fixed_point(self) -> Array:
-        found: Array = self.points[-1]
-        return found
-
-
-def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bool, by_visits: bool) -> Way:
-    """Return the values that a learner passes.
-
-    Args:
-        acts: how it acts.
-        is_critic: whether V is the mean of Q under what it does, unless the operator says otherwise; else the largest Q.
-        by_visits: whether values change in proportion to their visits; else all that are visited change alike.
-    """
-    Q = np.full_like(dynamics.R, dynamics.initial)
-    size = max(1e-9, float(np.abs(dynamics.R).max()))
-    behaviours: dict[bytes, Behaviour] = {}
-    points = []
-    settles = False
-    stride: float | None = None
-    slowest = np.inf
-    change_before = np.zeros_like(Q)
-    for number in range(STRIDES):
-        pi = acts(Q)
-        key = pi.tobytes()
-        if key not in behaviours:
-            behaviours[key] = Behaviour(dynamics, pi)
-        behaviour = behaviours[key]
-        V = _reduced(dynamics, operator, Q, behaviour, is_critic)
-        points.append(V if is_critic else Q)
-        error = operator.targets(dynamics, behaviour, Q, V) - Q
-        visited = behaviour.visited
-        rates = behaviour.rates if by_visits else visited
-        if is_critic:
-            visited = visited.max(axis=0)
-            rates = rates.sum(axis=0) if by_visits else visited
-        if stride is None:
-            stride = FIRST_STRIDE / rates.max()
-        shares = -np.expm1(-stride * rates)
-        change = shares * error
-        Q = Q + change
-        stride *= GROWTH
-        largest = float(np.abs(error * visited).max())
-        if largest <= PRECISION * size:
-            settles = True
-            break
-        if number % SLOWEST == SLOWEST - 1:
-            if not largest < slowest / 2:
-                break
-            slowest = largest
-        reach_targets = bool((shares >= 0.99 * (rates > 0)).all())
-        rest = _rest(change, change_before) if reach_targets else None
-        change_before = change
-        if rest is None or acts(Q + rest).tobytes() != key:
-            continue
-        line = Q + LINE[:, None, None] * rest
-        points += list(behaviour.expected(line) if is_critic else line)
-        Q = line[-1]
-        change_before = np.zeros_like(Q)
-    return Way(np.array(points), Q, settles)
-
-
-def _rest(change: Array, before: Array) -> Array | None:
-    """Return the sum (A, S) of all changes to come, if each is the same part of the one before; None if they are not."""
-    squared = float((before**2).sum())
-    if squared == 0:
-        return None
-    ratio = float((change * before).sum()) / squared
-    if not 0 < ratio < 1 or np.abs(change - ratio * before).max() > STRAIGHT * np.abs(change).max():
-        return None
-    found: Array = change * ratio / (1 - ratio)
-    return found
-
-
-def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
-    if operator.reduce is not None:
-        return operator.reduce(dynamics, behaviour, Q)
-    if is_critic:
-        return behaviour.expected(Q)
-    best: Array = Q.max(axis=0)
-    return best
-
-
-@lru_cache(maxsize=64)
-def greedy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
-    """Return the ways of learners that act greedily, with several shares of random actions, by operator."""
-    dynamics = replace(dynamics_of(task, gamma), initial=initial)
-    acts = [EpsilonGreedy(exploration) for exploration in EXPLORATIONS]
-    return _ways(dynamics, acts, is_critic=False)
-
-
-def _ways(dynamics: Dynamics, acts: Sequence[Acts], is_critic: bool) -> dict[str, list[Way]]:
-    kind = "values" if is_critic else "q"
-    modes = (True, False) if is_critic else (True,)
-    return {
-        name: [way(dynamics, operator, each, is_critic, by_visits) for each in acts for by_visits in modes]
-        for name, operator in OPERATORS.items()
-        if operator.of in (None, kind) and operator.recognise is None
-    }
-
-
-# -- what explains values -----------------------------------------------------------------------------------------------
+from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
+from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
+from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways
 
 
 def fingerprint(
     task: TaskLike, *, q: Any = None, values: Any = None, policy: Any = None, discount: float | None = None
-) -> dict[str, float]:
-    """Return how far learned values are from those that each operator leads to: 0 to 1.
+) -> dict[str, Fit]:
+    """Return how far learned values are from those that each operator leads to, 0 to 1, and how many values tell it from right.
 
     Distances are shares of the spread of the right values, or of the distance to these, where that is larger. An operator
-    without a fixed point, or with the right one on this task, has the distance of the right one; and where the values are right,
-    none is nearer.
+    without a fixed point, or with the right one on this task, is left out.
 
     Args:
         task: a finite task that does not depend on the time, and whose observations tell its states apart.
@@ -220,7 +66,7 @@ def fingerprint(
         kind = "values"
         learned = rows.read(values, None)
         pi = rows.read(policy, model.n_actions).T
-        ways = _ways(dynamics, [_Actor((1 - share) * pi + share / len(pi)) for share in EARLIER], is_critic=True)
+        ways = actor_ways(dynamics, pi)
     behaviour = Behaviour(dynamics, pi)
     weights = behaviour.total / behaviour.total.sum()
     if not np.isfinite(learned[..., weights > 0]).all():
@@ -228,59 +74,57 @@ def fingerprint(
     right, *_ = ways["right"]
     if not right.settles:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
-    spread = _spread(right.Q, weights)
-
-    def nearest(ways: Sequence[Way]) -> float:
-        return min(float(_distance(learned, each.points, weights).min()) for each in ways)
-
-    of_right = nearest(ways["right"])
-    scale = max(spread, of_right)
-    least = of_right if of_right <= RIGHT * spread else 0.0
-    found = {}
-    for name, known in ways.items():
-        pairs = zip(known, ways["right"], strict=True)
-        wrong = [each for each, right in pairs if each.settles and _far(each, right, weights) >= RIGHT * spread]
-        distance = max(least, nearest(wrong)) if wrong else of_right
-        found[name] = min(1.0, distance / scale)
+    has_moved = np.ptp(learned[..., dynamics.acted]) > MOVED * np.ptp(right.fixed_point[..., dynamics.acted])
+    found = _distances(learned, ways, weights, has_moved)
     for name, operator in OPERATORS.items():
         if operator.recognise is not None and operator.of in (None, kind):
-            recognised = operator.recognise(dynamics, learned)
-            found[name] = found["right"] if recognised is None else recognised
+            fit = operator.recognise(dynamics, learned, right.fixed_point)
+            if fit is not None:
+                found[name] = fit
     return found
 
 
-def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[str]:
-    """Return the operators that explain distances: the nearest mistakes, where right values are clearly farther away.
-
-    Otherwise those that are no mistake, within their tolerance; else none.
+def _distances(learned: Array, ways: Mapping[str, Sequence[Way]], weights: Array, has_moved: bool) -> dict[str, Fit]:
+    """Return the distances of all operators that have a fixed point, other than the right one.
 
     Args:
-        distances: by operator, the right one included.
-        good: operators that are no mistake, the right one first.
+        has_moved: whether anything was learned; else the begin of the way to right values is no explanation.
     """
-    known = {name: distances[name] for name in good if name in distances}
-    best = min(known, key=lambda name: known[name])
-    wrong = {name: distance for name, distance in distances.items() if name not in good}
-    nearest = min(wrong.values())
-    is_apart = known[best] - nearest >= SAME  # where both are near, what is right explains it
-    if nearest <= NEAR and nearest <= CLEARER * known[best] and is_apart:
-        return [name for name, distance in wrong.items() if distance <= nearest + SAME]
-    if known[best] <= RIGHT:
-        return [best]
-    return []
+
+    def nearest(way: Way) -> float:
+        points = way.points if has_moved else way.points[-1:]
+        return float(_distance(learned, points, weights).min())
+
+    spread = _spread(ways["right"][0].Q, weights)
+    of_right = min(map(nearest, ways["right"]))
+    scale = max(spread, of_right)
+    found = {"right": Fit(min(1.0, of_right / scale), 0)}
+    for name, known in ways.items():
+        fits = []
+        for each, right in zip(known, ways["right"], strict=True):
+            if not each.settles:
+                continue
+            if name in GOOD:
+                distance = nearest(each)
+            else:
+                distance = float(_distance(learned, each.fixed_point, weights))
+            differs = _distance(each.fixed_point, right.fixed_point, weights) >= APART * spread
+            apart = np.abs(each.fixed_point - right.fixed_point)[..., weights > 0]
+            fits.append((distance, differs, int((apart >= APART * spread).sum())))
+        if fits:
+            distance, differs, told = min(fits)
+            if differs:
+                found[name] = Fit(min(1.0, distance / scale), told)
+    return found
 
 
-def pooled(by_task: Iterable[Sequence[Mapping[str, float]]]) -> dict[str, float]:
-    """Return the distance of each operator that all runs have: the mean over tasks of the median of the runs of a task.
-
-    A run that has not converged may be far from what is right, and nearer to some mistake: one of several decides nothing.
-    """
-    medians = []
-    for distances in by_task:
-        common = [name for name in distances[0] if all(name in each for each in distances)]
-        medians.append({name: float(np.median([each[name] for each in distances])) for name in common})
-    common = [name for name in medians[0] if all(name in each for each in medians)]
-    return {name: float(np.mean([each[name] for each in medians])) for name in common}
+def is_read(task: Task) -> bool:
+    """Return whether learned values of a task can be compared: it is finite, shows its state, and does not depend on the time."""
+    try:
+        _Observed(task, dynamics_of(task, task.discount).model)
+    except SpecError:
+        return False
+    return True
 
 
 def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:
@@ -304,16 +148,6 @@ def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) 
     if np.isfinite(found):
         return found
     return None
-
-
-@dataclass(frozen=True, eq=False)
-class _Actor:
-    """A policy (A, S) that does not depend on Q."""
-
-    pi: Array
-
-    def __call__(self, Q: Array) -> Array:
-        return self.pi
 
 
 def _initial(learned: Array, dynamics: Dynamics) -> float:
@@ -379,10 +213,6 @@ class _Observed:
             misused(f"a table has {self.layout.counts[0]} rows here, one for each observation, not {len(table)}")
         looked: Array = table[numbers]
         return looked
-
-
-def _far(one: Way, other: Way, weights: Array) -> float:
-    return float(_distance(one.fixed_point, other.fixed_point, weights))
 
 
 def _spread(right: Array, weights: Array) -> float:

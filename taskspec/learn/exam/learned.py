@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from taskspec.envs.data.episodes import Demonstrations
 from taskspec.exact.policies.adapters import Predictor, parameters
 from taskspec.exact.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.language.task.task import Task
-from taskspec.learn.exam.fingerprints import fingerprint, first_value, named, pooled
+from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read
+from taskspec.learn.exam.judgement import Judgement, Run, judged
 from taskspec.learn.exam.mistakes import MISTAKES
 from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
@@ -41,6 +42,9 @@ class Learned:
     values: Any = None
     discount: float | None = None
 
+
+NO_DISCOUNT = "the learner's discount is not known: return `Learned(policy, discount=...)`"
+"""Why values were not compared with mistakes: a wrong discount looks like one."""
 
 # -- reading ----------------------------------------------------------------------------------------------------------
 
@@ -71,8 +75,12 @@ def learned_fields(
     if not values:
         return found
     was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
+    if values.get("discount") is None and task.discount == 1 and is_read(task):
+        found["unread"] = NO_DISCOUNT
     try:
-        found["operators"] = fingerprint(task, **values)
+        fits = fingerprint(task, **values)
+        found["operators"] = {name: fit.distance for name, fit in fits.items()}
+        found["told"] = {name: fit.values for name, fit in fits.items()}
         found["value"] = first_value(task, **values)
     except SpecError as error:
         codes = {d.code for d in error.diagnostics}
@@ -156,17 +164,18 @@ class Explanation:
     """An explanation of what a learner learned on several tasks and seeds.
 
     Attributes:
-        names: in `MISTAKES`; none if nothing known is near.
-        distance: that of the first of them, the mean over tasks of the median of their runs.
-        right: that of what is right.
-        task: the one where that is largest.
+        judged: names in `MISTAKES`, and distances.
+        task: the one where what is right is farthest.
     """
 
     kind: Kind
-    names: tuple[str, ...]
-    distance: float
-    right: float
+    judged: Judgement
     task: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Mistakes that explain it equally well, or a name that is none; empty if nothing known does."""
+        return self.judged.names
 
     @property
     def is_mistake(self) -> bool:
@@ -175,12 +184,18 @@ class Explanation:
     @property
     def message(self) -> str:
         """The explanation in a sentence. A name is the nearest of those that are known, which need not be the right one."""
+        distance = f"{self.judged.distance:.2f}"
+        right = f"{self.judged.right:.2f}"
         if not self.names:
-            return f"no known mistake explains the learned {self.kind} (distance to the right {self.kind} {self.right:.2f})"
+            text = f"no known mistake explains the learned {self.kind} (distance to the right {self.kind} {right}"
+            nearest = [f"{name} {distance:.2f}" for name, distance in self.judged.nearest]
+            if nearest:
+                text += f"; nearer, but not near enough for a name: {', '.join(nearest)}"
+            return f"{text})"
         learner = "a learner " + ", or ".join(MISTAKES[name].what for name in self.names)
         if not self.is_mistake:
-            return f"nearest to the learned {self.kind}: {learner} (distance {self.distance:.2f})"
-        distances = f"{self.kind} at distance {self.distance:.2f}, the right {self.kind} at {self.right:.2f}"
+            return f"nearest to the learned {self.kind}: {learner} (distance {distance})"
+        distances = f"{self.kind} at distance {distance}, the right {self.kind} at {right}"
         return f"nearest known mistake: {learner} ({distances})."
 
     @property
@@ -193,29 +208,32 @@ class Explanation:
 UNLEARNED = 0.01
 """Learned values of the first states that are smaller, as a share of what can be earned, say nothing: too little exploration
 looks like a mistake there."""
+LEARNED_TO_ACT = 0.5
+"""But for the score from which a policy has learned, which shows that its values should have."""
 
 
-def _has_learned(score: Score) -> bool:
+def _says_something(score: Score) -> bool:
+    if score.get("unread"):
+        return False
     value = score.get("value")
-    return value is None or abs(value) >= UNLEARNED
+    return value is None or abs(value) >= UNLEARNED or (score["deterministic"] or 0) >= LEARNED_TO_ACT
 
 
 def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
     """Yield what explains the values, rewards and policies that were learned in an exam, where they are known."""
     for kind, (entry, good) in KINDS.items():
-        known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
-        if not known:
+        runs = []
+        for score in scores:
+            distances = score.get(entry)
+            if distances and score["peek"] is None and (kind != "values" or _says_something(score)):
+                runs.append(Run(score["task"], cast(dict[str, float], distances), score.get("told") or {}))
+        if not runs:
             continue
-        by_task: dict[str, list[dict[str, float]]] = {}
-        for score in known:
-            by_task.setdefault(score["task"], []).append(score[entry])  # type: ignore[literal-required]
-        means = pooled(by_task.values())
-        names = named(means, good)
-        if "constant" in names:
-            names = ["constant"]  # others are constant, too, where they are as near
-        task = max(by_task, key=lambda name: pooled([by_task[name]])[good[0]])
-        first = (names or good)[0]
-        yield Explanation(kind, tuple(names), means[first], means[good[0]], task)
+        found = judged(runs, good)
+        if "constant" in found.names:
+            found = replace(found, names=("constant",))  # others are constant, too, where they are as near
+        farthest = max(runs, key=lambda run: run.distances[good[0]])
+        yield Explanation(kind, found, farthest.task)
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:
@@ -228,6 +246,22 @@ def learned_flags(scores: Sequence[Score]) -> list[Flag]:
     return found
 
 
-def learned_notes(scores: Sequence[Score]) -> list[str]:
-    """Return lines about what was learned without a known mistake."""
-    return [each.message for each in explanations(scores) if not each.is_mistake]
+def learned_notes(scores: Sequence[Score], is_wrong: bool) -> list[str]:
+    """Return lines about what was learned without a known mistake, and about values that were not compared with any.
+
+    Args:
+        is_wrong: whether something else is wrong; then what is right is not said.
+    """
+    notes = []
+    for each in explanations(scores):
+        if not each.is_mistake and not (each.names and is_wrong):
+            note = each.message
+            if each.advice.strip(" ."):
+                note += f". {each.advice}"
+            notes.append(note)
+    tasks = dict.fromkeys(score["task"] for score in scores)
+    unread = {score["task"]: score["unread"] for score in scores if score.get("unread")}
+    for why in dict.fromkeys(unread.values()):
+        number = sum(each == why for each in unread.values())
+        notes.append(f"learned values were not compared with known mistakes on {number} of {len(tasks)} tasks: {why}")
+    return notes

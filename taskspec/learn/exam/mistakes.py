@@ -30,6 +30,10 @@ MISTAKES = {
         "that learns the values of what it does, exploration included (SARSA)", "target = r + gamma * Q(s', a')",
         "Nothing, if that is meant; else take the maximum over actions.",
     ),
+    "until the limit": KnownMistake(
+        "that learns the mean of returns until the limit (Monte Carlo)", "target = sum of gamma**k * r[t + k]",
+        "Nothing, if that is meant; else add V(s') where an episode is cut off.",
+    ),
     "ends ignored": KnownMistake(
         "that bootstraps past the end of an episode", "target = r + gamma * V(s')", "Multiply V(s') by (1 - terminated).",
     ),
@@ -40,6 +44,10 @@ MISTAKES = {
     "limit is an end": KnownMistake(
         "for which the time limit ends the world", "done = terminated or truncated",
         "Mask V(s') by terminated alone; truncated episodes keep their value.",
+    ),
+    "end at the limit": KnownMistake(
+        "that bootstraps past an end that coincides with the time limit", "where truncated: target += gamma * V(s')",
+        "Ask for `terminated` first: a step may be both, and its end counts.",
     ),
     "reset at the end": KnownMistake(
         "for which an episode that ended by itself continues with the next one",
@@ -56,6 +64,14 @@ MISTAKES = {
     "mask late": KnownMistake(
         "whose mask is that of the step before", "dones[t - 1] beside obs[t]",
         "Store the flag of a step with the observation that the step left.",
+    ),
+    "mask early": KnownMistake(
+        "whose mask is that of the step after", "dones[t + 1] beside obs[t]",
+        "Store the flag of a step with the observation that the step left.",
+    ),
+    "start unseen": KnownMistake(
+        "that takes the last observation of an episode for the first one of the next", "env.reset() without obs = ...",
+        "Take the observation that reset() returns.",
     ),
     "last reward masked": KnownMistake(
         "that masks the reward of the last step, too", "(r + gamma * V(s')) * (1 - terminated)",
@@ -133,6 +149,15 @@ MISTAKES = {
         "that learned about one state and one action alone", "buffer[0] in each batch",
         "Sample all transitions that are stored.",
     ),
+    "untrained": KnownMistake(
+        "whose values stay what they were at first",
+        "parameters of the critic that the optimiser does not get, or a detached loss",
+        "Print a value before and after an update.",
+    ),
+    "one outcome": KnownMistake(
+        "that knows one outcome of each step instead of their mean", "reset(seed=seed) in each episode, or a step size of 1",
+        "Seed the first reset alone; make the step size smaller.",
+    ),
     # -- of rewards alone
     "constant": KnownMistake(
         "whose reward makes no action better than another", "a network that no gradient reaches",
@@ -173,4 +198,4 @@ MISTAKES = {
         "Check that the loss falls, that the policy is the one that was trained, and that logits pass a softmax.",
     ),
 }  # fmt: skip
-"""Mistakes by name, and two that are none: `right`, and `on policy`."""
+"""Mistakes by name, and three that are none: `right`, `on policy` and `until the limit`."""

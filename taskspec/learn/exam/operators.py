@@ -3,13 +3,16 @@
 Symbols: P[a, s, s'] is the probability that the episode goes on in s', P_end[a, s, s'] that it ends there, R[a, s] the expected
 reward, V(s) = max over a of Q(s, a) unless an operator says otherwise; for the critic of an actor, V(s) is the mean of Q(s, a)
 under its policy.
+
+A fixed point fits all values of a task or none: it has no number of its own that is free. A recogniser may have some; how much it
+explains is counted without these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -18,6 +21,19 @@ from taskspec.learn.exam.dynamics import Behaviour, Dynamics
 
 TRACE = 0.95
 """The weight of later errors in advantages that is assumed."""
+APART = 0.15
+"""Values that differ by more than this share of their spread are told apart."""
+MOVED = 0.1
+"""Values that differ by more than this share of what they should have moved."""
+FEWEST = 3
+"""Values that a mistake has to explain, at least, to be named."""
+
+
+class Fit(NamedTuple):
+    """How far learned values are from a mistake, and how many of them could have told it from right ones."""
+
+    distance: float
+    values: int
 
 
 @dataclass(frozen=True)
@@ -30,7 +46,11 @@ class BellmanOperator:
         backup: from Q (A, S) and V to the next Q.
         reduce: from Q to V, where this is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
-        recognise: the distance of learned values (A, S), or (S,), where the mistake has no fixed point; None if they say nothing.
+        recognise: how learned values (A, S), or (S,), fit, where the mistake has no fixed point, from these and the right ones;
+            None if they say nothing.
+        free: numbers of a task that the fit chooses.
+        vague: whether many mistakes lead to it, so that any other that explains the values says more.
+        varies: whether each run has an outcome of its own, so that runs add to what is told.
     """
 
     reward: Callable[[Dynamics, Behaviour], Array] = lambda s, acts: s.R
@@ -38,7 +58,10 @@ class BellmanOperator:
     backup: Callable[[Dynamics, Behaviour, Array, Array], Array] | None = None
     reduce: Callable[[Dynamics, Behaviour, Array], Array] | None = None
     of: Literal["q", "values"] | None = None
-    recognise: Callable[[Dynamics, Array], float | None] | None = None
+    recognise: Callable[[Dynamics, Array, Array], Fit | None] | None = None
+    free: int = 0
+    vague: bool = False
+    varies: bool = False
 
     def targets(self, s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
         """Return the next Q (A, S)."""
@@ -78,32 +101,101 @@ def _stale_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     return np.where(acts.comes_before, _any_action(s, acts, Q, V), s.initial)
 
 
-def _grows(s: Dynamics, learned: Array) -> float | None:
-    if s.gamma < 1:
-        bound = np.abs(s.R).max() / (1 - s.gamma)
-    else:
-        bound = np.inf
-    if np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)):
-        return 0.0
-    return None
+def _until_limit(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the mean return until the limit after each step, in the mean over the times at which a state is visited."""
+    if s.model.horizon is None:
+        return s.R + s.gamma * s.following(V)
+    left = np.zeros_like(V)
+    summed = np.zeros_like(Q)
+    for visits in acts.counts[::-1]:
+        returns = s.R + s.gamma * s.expected(s.P, left)
+        summed += visits * returns
+        left = acts.expected(returns)
+    found: Array = np.divide(summed, acts.total, out=np.full_like(Q, s.initial), where=acts.total > 0)
+    return found
 
 
-def _one_pair(s: Dynamics, learned: Array) -> float:
+def _mask_early(s: Dynamics, acts: Behaviour, V: Array) -> Array:
+    ends_next = acts.expected(1 - s.going_on)
+    ends_first = s.first(ends_next)
+    within = (1 - acts.last) * s.following((1 - ends_next) * V)
+    across = acts.last * s.following(V) + s.ending(V)
+    found: Array = within + (1 - ends_first) * across
+    return found
+
+
+def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the targets of a learner that takes the last state of an episode for the first one of the next."""
+    right = s.R + s.gamma * s.following(V)
+    of_first = (right @ s.model.start)[:, None]
+    seen = acts.total - acts.counts[0]
+    taken = acts.last_states
+    visits = seen + taken
+    mixed = seen * right + taken * of_first
+    found: Array = np.divide(mixed, visits, out=np.full_like(Q, s.initial), where=visits > 0)
+    return found
+
+
+# -- mistakes without a fixed point, recognised by the values alone ---------------------------------------------------
+
+
+def _grows(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+    size = np.abs(learned[..., s.acted])
+    beyond = int((size > 2 * max(s.most, abs(s.initial))).sum())
+    if beyond == 0:
+        return None
+    return Fit(0.0, beyond)
+
+
+def _one_pair(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+    paid = int((np.abs(right[:, s.acted] - s.initial) > APART * np.abs(right).max()).sum())
+    if paid < FEWEST:
+        return None
     changed = learned[:, s.acted] != s.initial
-    return float(not changed.sum() == 1 < changed.size)
+    return Fit(float(changed.sum() != 1), paid)
+
+
+def _untrained(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+    size = float(np.ptp(right[..., s.acted]))
+    if size <= APART * np.abs(right).max():
+        return None
+    moved = float(np.ptp(learned[..., s.acted])) / size
+    return Fit(min(1.0, moved / MOVED), learned[..., s.acted].size)
+
+
+def _one_outcome(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+    """Compare values after chance with the value of one outcome: how near the nearest is, where half of their range is 1."""
+    V = s.learned(right.max(axis=0))
+    size = APART * float(np.ptp(right[:, s.acted]))
+    apart = []
+    for a, state in zip(*np.nonzero(np.broadcast_to(s.acted, learned.shape)), strict=True):
+        row = s.row(s.P, a, state)
+        outcomes = list(s.R[a, state] + s.gamma * V[row > 0])
+        if s.going_on[a, state] < 1 - 1e-9:
+            outcomes.append(s.R[a, state])
+        if np.ptp(outcomes) > size:
+            nearest = np.abs(np.array(outcomes) - learned[a, state]).min()
+            apart.append(min(1.0, nearest / (np.ptp(outcomes) / 2)))
+    if not apart:
+        return None
+    return Fit(float(np.sqrt(np.mean(np.square(apart)))), len(apart))
 
 
 OPERATORS = {
     "right": BellmanOperator(),
     "on policy": BellmanOperator(reduce=lambda s, acts, Q: acts.expected(Q), of="q"),
+    "until the limit": BellmanOperator(backup=_until_limit),
     # -- ends and limits
     "ends ignored": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.ending(V)),
     "next episode": BellmanOperator(ahead=_next_episode),
     "limit is an end": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.last) * s.following(V)),
+    "end at the limit": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + acts.last * s.ending(V)),
     "reset at the end": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.first(V) * (1 - s.going_on)),
     "reset at the limit": BellmanOperator(ahead=_reset_at_limit),
     "mask inverted": BellmanOperator(ahead=lambda s, acts, V: s.ending(V)),
     "mask late": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.after_end) * (s.following(V) + s.ending(V))),
+    "mask early": BellmanOperator(ahead=_mask_early),
+    "start unseen": BellmanOperator(backup=_start_unseen),
     "last reward masked": BellmanOperator(reward=lambda s, acts: s.changed["unfinished"]),
     # -- what follows
     "same state": BellmanOperator(ahead=lambda s, acts, V: s.going_on * V),
@@ -127,9 +219,11 @@ OPERATORS = {
     "stale action": BellmanOperator(backup=_stale_action, of="q"),
     "any action": BellmanOperator(backup=_any_action, of="q"),
     "advantages": BellmanOperator(backup=_advantages, of="values"),
-    "grows": BellmanOperator(recognise=_grows),
-    "one pair": BellmanOperator(of="q", recognise=_one_pair),
+    "grows": BellmanOperator(recognise=_grows, vague=True),
+    "one pair": BellmanOperator(of="q", recognise=_one_pair, free=1),
+    "untrained": BellmanOperator(recognise=_untrained, free=1),
+    "one outcome": BellmanOperator(of="q", recognise=_one_outcome, varies=True),
 }
 """Operators by the name of the mistake that makes a learner apply them; the right one first."""
-GOOD = ("right", "on policy")
+GOOD = ("right", "on policy", "until the limit")
 """Operators that are no mistake."""

@@ -17,7 +17,7 @@ from taskspec.base.arrays import Array
 from taskspec.envs.data.episodes import Demonstrations
 from taskspec.exact.policies.values import observation_rows
 from taskspec.language.task.task import Task
-from taskspec.learn.exam.fingerprints import RIGHT
+from taskspec.learn.exam.operators import APART
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +74,21 @@ PAIRINGS: dict[str, Callable[[Shown], Array]] = {
 """Policies (O, A) by the name of the mistake that makes a learner converge to them; the right one first."""
 
 
+def shown_of(task: Task, demonstrations: Demonstrations) -> Shown:
+    """Return demonstrations of a task with discrete observations and actions."""
+    seen = task.observation_layout
+    done = task.action_layout
+    first = seen.starts[0]
+    return Shown(
+        demonstrations.obs - first, demonstrations.acts - done.starts[0], demonstrations.next_obs - first,
+        np.asarray(demonstrations.starts), (seen.counts[0], done.counts[0]),
+    )  # fmt: skip
+
+
 def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -> dict[str, float] | None:
     """Return how far a policy is from those of `PAIRINGS`: 0 to 1, the total variation over what was demonstrated.
 
-    A pairing that is right on this task has the distance of the right one.
+    A pairing that is right on this task is left out.
 
     Args:
         policy: what a learner returned.
@@ -93,18 +104,10 @@ def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -
     rows = observation_rows(task, policy)
     if rows is None:
         return None
-    first = seen.starts[0]
-    shown = Shown(
-        demonstrations.obs - first, demonstrations.acts - done.starts[0], demonstrations.next_obs - first,
-        np.asarray(demonstrations.starts), (seen.counts[0], done.counts[0]),
-    )  # fmt: skip
-    of_right = shown.distance(rows, shown.right)
+    shown = shown_of(task, demonstrations)
     found = {}
     for name, pairing in PAIRINGS.items():
         paired = pairing(shown)
-        is_apart = shown.distance(paired, shown.right) >= RIGHT
-        if is_apart:
+        if name == "right" or shown.distance(paired, shown.right) >= APART:
             found[name] = shown.distance(rows, paired)
-        else:
-            found[name] = of_right
     return found

@@ -38,16 +38,20 @@ Score = TypedDict(
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
         "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
         "pairings": NotRequired[dict[str, float] | None],
+        "told": NotRequired[dict[str, int] | None], "unread": NotRequired[str | None],
         "value": NotRequired[float | None], "longer": NotRequired[float | None],
+        "reseeded": NotRequired[float | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`peek`); 0 is random, 1 the
-expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
-distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
-learned values from the fixed points of Bellman operators (`fingerprints`), `rewards` those of a learned reward from
-known ones (`starc`), `pairings` those of a policy from what was demonstrated (`pairings`). `value` is
-the learned value of the first states, in units of the expert's return less that of random actions, `longer` the score on a longer
-horizon. Points of the `curve` are policies that the learner showed, else means of its training episodes."""
+expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc`
+the distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the
+distances of learned values from the fixed points of Bellman operators (`fingerprints`), `told` how many values tell each of
+them from right ones, `unread` why they are not compared; `rewards` those of a learned reward from known ones (`starc`),
+`pairings` those of a policy from what was demonstrated (`pairings`). `value` is the learned value of the first states, in
+units of the expert's return less that of random actions, `longer` the score on a longer horizon, `reseeded` the share of
+resets with a seed that was given before. Points of the `curve` are policies that the learner showed, else means of its
+training episodes."""
 
 
 class Examined(TypedDict):
@@ -93,7 +97,7 @@ class CapabilityVerdict(MeanScore):
 
 
 FlagKind = Literal[
-    "twin", "regression", "changed", "diagnosis", "peeks", "failed", "impossible", "values", "reward", "policy", "law",
+    "twin", "regression", "changed", "diagnosis", "peeks", "failed", "impossible", "values", "reward", "policy", "law", "seeds",
 ]  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from taskspec.exact.solve.infinite_horizon import chain_values
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import REWARD_CHANGES
+from taskspec.learn.exam.operators import APART
 
 NOTHING = 1e-11
 """Advantages that are this small, as a share of the largest value of an action, are rounding."""
@@ -70,7 +71,10 @@ def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
 
 
 def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
-    """Return the same as fields of a result, and the distances from `REWARDS`; None without an exact model."""
+    """Return the same as fields of a result, and the distances from `REWARDS`; None without an exact model.
+
+    Those that are right on this task are left out.
+    """
     try:
         found = reward_distance(task, reward)
     except SpecError as error:
@@ -79,7 +83,10 @@ def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
         return {"starc": None, "reward_regret": None, "rewards": None}
     mdp = _mdp(task)
     learned = mdp.canonical(mdp.expected(reward))
-    distances = {name: half_distance(canonical, learned) for name, canonical in mdp.known.items()}
+    distances = {}
+    for name, canonical in mdp.known.items():
+        if name == "right" or half_distance(canonical, mdp.known["right"]) >= APART:
+            distances[name] = half_distance(canonical, learned)
     return {"starc": found.starc, "reward_regret": found.lost, "rewards": distances}
 
 

@@ -204,7 +204,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
                 return [{"seed": seed, "cannot": refused} for seed in trial.seeds]
             raise LearnerFailed(_words(error, train)) from error
     for i, row in enumerate(rows):
-        row |= vars(case.spent_by(i)) | {"seconds": (trained - begin) / len(rows)}
+        row |= vars(case.spent_by(i)) | {"seconds": (trained - begin) / len(rows), "reseeded": case.resets.reseeded}
     return rows
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import scipy.stats
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import tabular
 from taskspec.exam import Case, Learned, examine, learns_from
+from taskspec.learn.exam.changes import almost, changes
 from taskspec.learn.exam.comparison import LEVELS, _estimated, compare
 from taskspec.learn.exam.findings import diagnose, new_diagnoses
 from tests.shared.commands import Done
@@ -133,6 +135,37 @@ def test_values_that_differ_are_flagged_although_scores_are_equal(tmp_path: Path
     other = examine(values_of_a_walk(3.0), **terms, seeds=range(10, 16), against=tmp_path)
     (flag,) = [flag for flag in other["flags"] if flag["kind"] in ("changed", "regression")]
     assert flag["kind"] == "changed" and "value of the first states" in flag["message"]
+
+
+def of_values(distances: Sequence[float], task: str = TASK, **others: Any) -> Any:
+    """An exam in which values have a distance to the right ones for each seed, and every score is 1."""
+    found = exam({task: 1.0}, seeds=len(distances), **others)
+    for score, distance in zip(found["scores"], distances, strict=True):
+        score["operators"] = {"right": distance}
+    return found
+
+
+@pytest.mark.parametrize(("now", "is_flagged"), [(0.3, True), (0.13, False)])
+def test_values_that_are_farther_from_right_ones_are_flagged(now: float, is_flagged: bool) -> None:
+    noise = np.array([0.0, 0.01, 0.02, 0.03, 0.04])
+    other = of_values((now + noise).tolist())
+    messages = [flag["message"] for flag in changes(other["tasks"], other["scores"], of_values((0.1 + noise).tolist()))]
+    assert ["farther from the right ones" in message for message in messages] == [True] * is_flagged
+
+
+def test_the_largest_drop_that_is_no_flag_is_told_with_the_seeds_that_would_flag_it() -> None:
+    now: Any = exam({"RiskyPath": [1.0, -1.0, 1.0, -1.0, -1.0], "Branching": 0.99}, seeds=5)
+    before: Any = exam({"RiskyPath": 1.0, "Branching": 1.0}, seeds=5)
+    assert changes(now["tasks"], now["scores"], before) == []
+    (line,) = almost(now["tasks"], now["scores"], before)
+    assert (
+        line == "RiskyPath: the score is 1.20 below that of the baseline (p = 0.083); about 15 seeds of both would tell"
+    )
+    more = {"RiskyPath": [1.0, -1.0, 1.0, -1.0, -1.0] * 3, "Branching": 0.99}
+    again: Any = exam(more, seeds=15)
+    flagged = changes(again["tasks"], again["scores"], exam({"RiskyPath": 1.0, "Branching": 1.0}, seeds=15))  # type: ignore[arg-type]
+    assert [flag["kind"] for flag in flagged] == ["regression"]
+    assert almost(before["tasks"], before["scores"], before) == []
 
 
 @pytest.mark.parametrize("mode", ["alone", "SameStep", "NextStep"])

@@ -439,7 +439,7 @@ def test_a_learner_that_peeks_is_flagged() -> None:
 
 def test_one_seed_tells_nothing_of_others() -> None:
     found = examine(counting.clone_off_by_one, tasks=["EarlyTermPos"], seeds=1)
-    assert flagged(found) == {PAIRED} and found["verdicts"]["termination"]["verdict"] == "unsure"
+    assert flagged(found) == set() and found["verdicts"]["termination"]["verdict"] == "unsure"
 
 
 def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,15 +25,15 @@ Array = np.ndarray[Any, Any]
 # -- values -----------------------------------------------------------------------------------------------------------
 
 
-def examined(mistake: str, form: Callable[[Array], Any]) -> Any:
-    """Return the exam of a learner with a mistake on two tasks."""
+def examined(mistake: str, form: Callable[[Array], Any], tasks: Sequence[str] = TASKS[:2]) -> Any:
+    """Return the exam of a learner with a mistake."""
 
     @learns_from("reward")
     def learner(case: Case) -> Any:
         task = TASKS[0] if case.task.name == "EndInPlace" else TASKS[1]
         return form(learned_q(task, mistake, case.seed))
 
-    return examine(learner, tasks=list(TASKS[:2]), seeds=2, twins=0)
+    return examine(learner, tasks=list(tasks), seeds=5, twins=0)
 
 
 def test_a_mistake_is_flagged_with_its_code_and_its_fix(capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,7 +49,7 @@ def test_a_mistake_is_flagged_with_its_code_and_its_fix(capsys: pytest.CaptureFi
 
 
 def test_right_values_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str]) -> None:
-    found = examined("right", lambda q: Learned(q, discount=GAMMA))
+    found = examined("right", lambda q: Learned(q, discount=GAMMA), TASKS[1:2])
     assert not found["flags"]
     print_exams({"one": found})
     line = "nearest to the learned values: a learner without a known mistake (distance 0.0"
@@ -67,8 +67,31 @@ def test_values_of_a_wrong_shape_are_refused_only_where_a_learner_names_them() -
     task = taskspec.load("derail/RiskyPath")
     with pytest.raises(SpecError, match="E713"):
         learned_fields(task, Learned(np.ones((4, 2)), q=np.ones((3, 2)), discount=GAMMA), sees_reward=True)
-    assert learned_fields(task, np.ones((3, 2)), sees_reward=True) == {}
+    assert "operators" not in learned_fields(task, np.ones((3, 2)), sees_reward=True)
     assert learned_fields(taskspec.load("derail/NoisyObs"), Learned(None, q=np.ones((4, 2))), sees_reward=True) == {}
+
+
+def test_values_without_a_discount_are_named_nothing_and_said_so() -> None:
+    """Right values at a discount of 0.9 are far from those at 1."""
+    found = examined("limit is an end", lambda q: q)
+    assert [flag for flag in found["flags"] if flag["kind"] == "values"] == []
+    (note,) = card(found).notes
+    assert "not compared with known mistakes on 2 of 2 tasks" in note and "discount=" in note
+
+
+def test_resets_with_the_same_seed_are_flagged() -> None:
+    @learns_from("reward")
+    def learner(case: Case) -> Array:
+        env = case.env()
+        for episode in range(40):
+            env.reset(seed=case.seed if case.seed else episode)
+        return np.zeros(case.observation_space.n, int)
+
+    kinds = []
+    for seeds in ([0], [0, 1]):
+        found = examine(learner, tasks=["Echo"], suite="probes", seeds=seeds, twins=0)
+        kinds.append([flag["kind"] for flag in found["flags"]])
+    assert kinds == [[], ["seeds"]]
 
 
 @pytest.mark.parametrize("table", [np.array([0, 1, 0, 1]), np.full((4, 2), 0.5), np.zeros((5, 4, 2))])
@@ -181,7 +204,7 @@ def explained(reward: Callable[[RewardMdp], Array], task: str = TASKS[1]) -> lis
     def learner(case: Case) -> Learned:
         return Learned(lambda observation: 0, reward=reward(RewardMdp(taskspec.load(task))))
 
-    found = examine(learner, tasks=[task], seeds=1, twins=0, learns_from=["reward"])
+    found = examine(learner, tasks=[task], seeds=5, twins=0, learns_from=["reward"])
     return [flag for flag in found["flags"] if flag["kind"] == "reward"]
 
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-import taskspec.exam
 from taskspec.exact.policies.values import is_table
 from taskspec.exam import Case, Learned
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task
+from taskspec.learn.exam import fingerprints
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.learned import learned_fields
@@ -75,7 +75,10 @@ class Tables:
             if learned is not None and score["peek"] is None:
                 terms = ExamTerms(exam["steps"], tuple(exam["learns_from"]), exam["transitions"])
                 now = _fields(load(task), learned, score["seed"], terms)
-                score = {**score, **{name: now.get(name) for name in ("operators", "rewards", "pairings")}}
+                score = {
+                    **score,
+                    **{name: now.get(name) for name in ("operators", "told", "unread", "rewards", "pairings")},
+                }
             scores.append(score)
         return {**exam, "scores": scores}
 
@@ -103,8 +106,8 @@ def _fields(task: Task, learned: Learned, seed: int, terms: ExamTerms) -> dict[s
 def _explaining() -> str:
     """Return a hash of the files that distances depend on."""
     found = hashlib.sha256()
-    for path in sorted(Path(taskspec.exam.__file__).parent.glob("*.py")):
-        if path.stem in ("dynamics", "fingerprints", "learned", "operators", "pairings", "starc"):
+    for path in sorted(Path(fingerprints.__file__).parent.glob("*.py")):
+        if path.stem in ("dynamics", "fingerprints", "learned", "operators", "pairings", "starc", "ways"):
             found.update(path.read_bytes())
     return found.hexdigest()
 

@@ -196,6 +196,9 @@ class DiagnosisEntry(Strict):
     source: Source = Field(description="Where this is known from.")
     unless: list[str] = listed("Diagnoses that say more: where one of them holds, this one is not told.")
     alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
+    mistakes: list[str] = listed(
+        "Mistakes that it stands for: where learned values are known, and none of these explains them, it is not told."
+    )
 
 
 class Evaluation(Strict):

@@ -1,0 +1,223 @@
+"""Which known mistake explains what was learned: all runs of an exam judged together.
+
+A mistake is named only if it explains everything, and what is right does not. Its values are reached, and not merely on the way;
+they are clearly nearer than all that is right, by more than chance would have it, and are more than the fit may choose. No task
+contradicts it, and where it does not differ from what is right, this is near. Mistakes that explain as much are ties. A wrong
+name costs more than many that are missing.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from taskspec.learn.exam.operators import FEWEST, OPERATORS
+
+RIGHT = 0.15
+"""What is this near to what is right, as a share of its spread, is right."""
+NEAR = 0.2
+CLEARER = 0.5
+"""A mistake fits a task if its distance is at most `NEAR`, and at most `CLEARER` of that to what is right."""
+WORSE = 0.1
+"""It is contradicted by a task where what is right is near, and the mistake is farther by this and more than twice as far."""
+ELSEWHERE = 0.25
+"""On tasks where it does not differ from what is right, this is near."""
+SAME = 0.05
+"""Mistakes whose distances differ by less than this, on the tasks where they differ, cannot be told apart."""
+CHANCE = 0.05
+"""The probability with which chance alone makes a mistake so much nearer than what is right on the runs (a permutation test)."""
+EXACT, FLIPS = 12, 4096
+"""Runs whose signs are flipped in all ways, at most; and how many ways are tried of more."""
+MOST_TIES = 3
+"""Mistakes that are named together, at most."""
+LISTED = 3
+"""Mistakes that are listed where none is named."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a learner on a task: distances by name, and how many values tell each name from what is right."""
+
+    task: str
+    distances: Mapping[str, float]
+    values: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What explains the runs of an exam.
+
+    Attributes:
+        names: the mistakes that explain them equally well, or one name that is none; empty if nothing known does.
+        distance: that of the first of them, in the mean over tasks.
+        right: that of what is right.
+        nearest: the nearest mistakes that are nearer than what is right, with their distances: the mean over the tasks where
+            they differ from it.
+    """
+
+    names: tuple[str, ...]
+    distance: float
+    right: float
+    nearest: tuple[tuple[str, float], ...]
+
+
+def judged(runs: Sequence[Run], good: Sequence[str]) -> Judgement:
+    """Return what explains runs.
+
+    Args:
+        runs: in each a distance to what is right, and to the mistakes that differ from it there.
+        good: names that are no mistake, the right one first.
+    """
+    known = _Pooled(runs, good)
+    of_best = known.overall(known.best)
+    ranked = sorted(known.wrong, key=known.overall)
+    nearer = [name for name in ranked if known.overall(name) < of_best]
+    nearest = tuple((name, known.distance(name)) for name in nearer[:LISTED])
+    named = [name for name in ranked if known.explains(name)]
+    telling = [name for name in named if not known.is_vague(name)]
+    if telling:
+        named = telling
+    if named:
+        first = named[0]
+        ties = [name for name in ranked if name == first or (not known.is_vague(name) and known.ties(first, name))]
+        if len(ties) <= MOST_TIES:
+            return Judgement(tuple(ties), known.overall(first), of_best, nearest)
+    elif of_best <= RIGHT:
+        return Judgement((known.best,), of_best, known.overall(good[0]), nearest)
+    return Judgement((), of_best, of_best, nearest)
+
+
+class _Pooled:
+    """Medians of the runs of each task. A run that went wrong may be near to anything: one of several decides nothing."""
+
+    def __init__(self, runs: Sequence[Run], good: Sequence[str]) -> None:
+        self.runs = runs
+        self.good = good
+        self.by_task: dict[str, list[Run]] = {}
+        for run in runs:
+            self.by_task.setdefault(run.task, []).append(run)
+
+    @cached_property
+    def medians(self) -> dict[str, dict[str, float]]:
+        """Return distances by task, of the names that at least half of its runs have."""
+        found: dict[str, dict[str, float]] = {}
+        for task, runs in self.by_task.items():
+            found[task] = {}
+            for name in dict.fromkeys(name for run in runs for name in run.distances):
+                distances = [run.distances[name] for run in runs if name in run.distances]
+                if 2 * len(distances) >= len(runs):
+                    found[task][name] = float(np.median(distances))
+        return found
+
+    @cached_property
+    def wrong(self) -> list[str]:
+        """Return the mistakes that differ from what is right on some task."""
+        names = dict.fromkeys(name for medians in self.medians.values() for name in medians)
+        return [name for name in names if name not in self.good]
+
+    @cached_property
+    def best(self) -> str:
+        """Return the name that is no mistake and is nearest to all runs."""
+        right = self.good[0]
+
+        def distance(name: str) -> float:
+            return _mean(medians.get(name, medians[right]) for medians in self.medians.values())
+
+        return min((name for name in self.good if any(name in each for each in self.medians.values())), key=distance)
+
+    def of_good(self, task: str) -> float:
+        medians = self.medians[task]
+        return medians.get(self.best, medians[self.good[0]])
+
+    @staticmethod
+    def is_recognised(name: str) -> bool:
+        """Return whether a mistake has no fixed point, and is recognised by a pattern."""
+        return name in OPERATORS and OPERATORS[name].recognise is not None
+
+    @staticmethod
+    def is_vague(name: str) -> bool:
+        """Return whether any other mistake that explains the same says more."""
+        return name in OPERATORS and OPERATORS[name].vague
+
+    def tasks(self, name: str) -> list[str]:
+        """Return the tasks on which a mistake differs from what is right."""
+        return [task for task, medians in self.medians.items() if name in medians]
+
+    def distance(self, name: str) -> float:
+        """Return the distance of a mistake on these."""
+        return _mean(self.medians[task][name] for task in self.tasks(name))
+
+    def overall(self, name: str) -> float:
+        """Return the distance over all tasks: that of what is right where a mistake does not differ from it."""
+        return _mean(medians.get(name, self.of_good(task)) for task, medians in self.medians.items())
+
+    def explains(self, name: str) -> bool:
+        """Return whether a mistake explains all runs, and what is right does not.
+
+        Tasks that both explain tell nothing. On tasks that neither explains the values are not finished: fewer than those that
+        the mistake fits.
+        """
+        fitted = []
+        unfinished = []
+        for task in self.tasks(name):
+            distance = self.medians[task][name]
+            of_good = self.of_good(task)
+            if distance <= NEAR and distance <= CLEARER * of_good and of_good - distance >= SAME:
+                fitted.append(task)
+            elif of_good <= NEAR and distance > 2 * of_good + WORSE:
+                return False
+            elif of_good > NEAR:
+                unfinished.append(task)
+        if len(fitted) <= len(unfinished):
+            return False
+        others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
+        if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
+            return False
+        return self._values(name, fitted) >= FEWEST and self._chance(name, fitted) <= CHANCE
+
+    def _values(self, name: str, tasks: Sequence[str]) -> int:
+        """Return how many values tell a mistake from what is right, less those that its fit chooses."""
+        operator = OPERATORS.get(name)
+        total = 0
+        for task in tasks:
+            told = [run.values.get(name, FEWEST) for run in self.by_task[task] if name in run.distances]
+            if operator is not None and operator.varies:
+                total += sum(told)
+            elif operator is not None:
+                total += max(told) - operator.free
+            else:
+                total += max(told)
+        return total
+
+    def _chance(self, name: str, tasks: Sequence[str]) -> float:
+        """Return the p-value of a mistake being nearer than all that is right on the runs: signs of the gains are flipped."""
+        gains = []
+        for run in self.runs:
+            if run.task in tasks and name in run.distances:
+                of_good = min(run.distances[each] for each in self.good if each in run.distances)
+                gains.append(of_good - run.distances[name])
+        if len(gains) <= EXACT:
+            signs = np.array(list(itertools.product((1, -1), repeat=len(gains))))
+        else:
+            signs = np.random.default_rng(0).choice((1, -1), (FLIPS, len(gains)))
+            signs[0] = 1
+        sums = signs @ np.array(gains)
+        return float(np.mean(sums >= sums[0] - 1e-9))
+
+    def ties(self, first: str, other: str) -> bool:
+        """Return whether another mistake explains the runs as well as the first one."""
+        differences = []
+        for task, medians in self.medians.items():
+            of_first = medians.get(first, self.of_good(task))
+            of_other = medians.get(other, self.of_good(task))
+            if of_first != of_other:
+                differences.append(of_other - of_first)
+        return not differences or _mean(differences) < SAME
+
+
+def _mean(numbers: Iterable[float]) -> float:
+    return float(np.mean(list(numbers)))
