@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import gymnasium.vector
 import pytest
 
+from taskspec.base.jobs.engines import Workers
 from taskspec.language import modifiers
 from taskspec.language.task import pipeline
 from tests.shared.invariants import checked
@@ -68,6 +70,23 @@ def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
     yield set_them
     monkeypatch.undo()
     limits.limits.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def kept_workers() -> Iterator[Workers]:
+    """One process that does the jobs of many tests."""
+    with Workers(1) as workers:
+        yield workers
+
+
+WITH_WORKERS = ("taskspec.base.jobs.running", "taskspec.learn.exam.examining", "taskspec.learn.experiments.separate")
+
+
+@pytest.fixture
+def warm(kept_workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Jobs are done in the process that is kept, for tests of what comes of them; a new one takes seconds to start."""
+    for name in WITH_WORKERS:
+        monkeypatch.setattr(f"{name}.Workers", lambda *_: nullcontext(kept_workers))
 
 
 # -- Gymnasium before 1.1 has no `AutoresetMode`, and we no vector environments ----------------------------------------

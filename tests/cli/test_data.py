@@ -16,6 +16,8 @@ from tests.exact.policies.test_memory import DRAWN, tiger
 from tests.shared.commands import Done
 from tests.shared.specs import spec_file
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 
 def test_modified_tasks_are_what_is_recorded(tmp_path: Path) -> None:
     told = Done("demos", "RiskyPath", "-m", "delay=2", "-n", 2, "-o", tmp_path / "x.npz", "--json").data

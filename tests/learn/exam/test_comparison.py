@@ -19,6 +19,8 @@ from taskspec.learn.exam.findings import diagnose, new_diagnoses
 from tests.shared.commands import Done
 from tests.shared.exams import exam
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 TASK = "EarlyTermPos"
 
 

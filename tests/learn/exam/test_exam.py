@@ -20,6 +20,8 @@ from taskspec.learn.exam.verdicts import mean_score
 from tests.learn.learners import counting
 from tests.shared.commands import Done, spec
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 LEARNERS = Path(counting.__file__)
 FINITE = ["RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Branching"]
 

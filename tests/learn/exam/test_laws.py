@@ -17,6 +17,8 @@ from taskspec.language.task.task import Task
 from taskspec.learn.exam.laws import LAWS
 from tests.shared.commands import Done
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 Array = np.ndarray[Any, Any]
 
 BANDIT = """

@@ -19,6 +19,8 @@ from taskspec.learn.exam.report import page
 from taskspec.learn.exam.starc import REWARDS, RewardMdp
 from tests.learn.exam.test_fingerprints import GAMMA, TASKS, learned_q
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 Array = np.ndarray[Any, Any]
 
 

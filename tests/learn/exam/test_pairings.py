@@ -14,6 +14,8 @@ from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.mistakes import MISTAKES
 from taskspec.learn.exam.pairings import PAIRINGS, pairing_distances
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 Array = np.ndarray[Any, Any]
 Pairs = Iterator[tuple[int, int]]
 TASKS = ["probes/SecondThought", "probes/Echo", "probes/Slip", "probes/Patience"]

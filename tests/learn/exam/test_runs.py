@@ -20,6 +20,8 @@ from taskspec.learn.exam.examining import PRINTED
 from tests.learn.learners import counting
 from tests.shared.commands import Done
 
+warm = pytest.mark.usefixtures("warm")
+
 LEARNERS = Path(counting.__file__)
 
 
@@ -70,6 +72,7 @@ def test_what_a_run_leaves_in_modules_does_not_reach_the_next_one(
     assert {round(score["deterministic"], 9) for score in found["scores"]} == {0.0}
 
 
+@warm
 def test_settings_of_a_learner_in_a_file_mean_the_same_from_the_folder_that_it_is_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,6 +148,7 @@ def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@warm
 @pytest.mark.parametrize(
     ("terms", "count"),
     [
@@ -164,6 +168,7 @@ def test_results_of_an_exam_with_other_terms_are_not_reused(exam: Path, terms: d
     assert anew(exam, **{name: placed(value) for name, value in terms.items()}) == count
 
 
+@warm
 @pytest.mark.parametrize(
     ("name", "count"), [("tiny.yaml", 2), ("mine.py", 2), ("helper.py", 2), ("beside.py", 0)], ids=str
 )
@@ -180,6 +185,7 @@ def test_results_of_other_files_are_not_reused(exam: Path, name: str, count: int
     assert anew(exam) == 0
 
 
+@warm
 def test_results_of_other_versions_limits_and_episodes_are_not_reused(
     exam: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,6 +213,7 @@ def train(case):
 """
 
 
+@warm
 def test_an_exam_says_how_long_it_takes_and_keeps_what_is_printed(tmp_path: Path) -> None:
     (tmp_path / "talking.py").write_text(TALKING, encoding="utf-8")
     announced: list[str] = []

@@ -20,6 +20,8 @@ from tests.envs.data.test_teachers import TWICE
 from tests.exact.check.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 from tests.exact.policies.test_memory import tiger
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 Array = np.ndarray[Any, Any]
 
 

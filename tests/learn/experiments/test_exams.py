@@ -21,6 +21,8 @@ from taskspec.learn.learners import BUILT_IN
 from tests.learn.learners import counting
 from tests.shared.commands import Done, spec
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 LEARNERS = Path(counting.__file__)
 SHIPPED = sorted((registry.tasks_root() / "derail" / "experiments").glob("*.yaml"))
 TEXT = f"""

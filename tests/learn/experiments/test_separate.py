@@ -19,6 +19,8 @@ from taskspec.learn.experiments.separate import Search
 from taskspec.learn.experiments.shrink import shrink, size
 from tests.shared.commands import Done
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 LEARNERS = """
 import numpy as np
 from taskspec.exam import learns_from

@@ -20,6 +20,8 @@ from taskspec.learn.experiments import picture
 from tests.shared.charts import assert_legible
 from tests.shared.commands import Done
 
+pytestmark = pytest.mark.usefixtures("warm")
+
 NOISE = """
 experiment: 1
 name: noise
