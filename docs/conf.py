@@ -18,7 +18,7 @@ from docutils import nodes
 from taskspec import __version__
 from taskspec.language.printers import tex
 from taskspec.language.printers.markup import mathml
-from taskspec.show.pages.render.html import gallery_style
+from taskspec.show.pages.render.gallery import gallery_style
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"
@@ -86,8 +86,11 @@ def read(app: Any, page: str, source: list[str]) -> None:
         source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](../")
     if page in BUILT:
         source[0] = BUILT[page]()
-    if page in galleries.SUITES:
-        source[0] = galleries.gallery_page(page)
+    suite = galleries.suite_page(page)
+    if suite is not None:
+        source[0] = galleries.gallery_page(suite)
+    if page == galleries.LIBRARY:
+        source[0] = HIDDEN + source[0].replace("<!-- gallery -->", galleries.library_gallery())
     top = "../" * page.count("/")
     for name, file in SHOWN.items():
         source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({top}{name}.md", source[0])
@@ -96,7 +99,7 @@ def read(app: Any, page: str, source: list[str]) -> None:
         source[0] += tree("", listed)
     elif page == "index":
         text, _, pages = source[0].partition("\n## Pages\n")
-        source[0] = HIDDEN + text.replace("<!-- tasks -->", galleries.thumbnails()) + contents(pages)
+        source[0] = HIDDEN + text.replace("<!-- wall -->", galleries.wall()) + contents(pages)
     source[0] = galleries.with_figures(source[0], (DOCS / page).parent)
 
 

@@ -162,7 +162,7 @@ def test_links_of_the_metadata_lead_somewhere_without_the_repository(metadata: M
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     targets = re.findall(r"\]\(([^)]*)\)", text)
     assert targets == [t for t in re.findall(r"\]\(([^)]*)\)", readme) if t.startswith("https://")] != []
-    assert "Your first task in ten minutes" in text
+    assert "your first task in ten minutes" in text
 
 
 def registered(code: str, package: Path) -> bool:

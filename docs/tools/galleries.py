@@ -8,68 +8,100 @@ from pathlib import Path
 
 from taskspec.base.files import write_text
 from taskspec.language import registry
+from taskspec.language.suites import SUITES
 from taskspec.show import figures, pages
-from taskspec.show.pages.render.html import gallery
+from taskspec.show.pages.render.gallery import gallery
 from taskspec.show.pages.render.markdown import markdown
 from taskspec.show.pages.render.suite import Suite
 from taskspec.show.pages.write import gather_pages
 
 DOCS = Path(__file__).parents[1]
-SUITES = {
-    "reference/derail/index": ("derail", "The DERAIL suite"),
-    "reference/seals/index": ("seals", "Cliff worlds and random decision processes"),
-}
-"""Index pages, and the suites whose tasks they show, with their headings."""
-FIGURES = DOCS / "reference/derail/figures"
+LIBRARY = "reference/library"
 FIGURE = re.compile(r"!\[([^\]]*)\]\(([\w./-]+\.svg)\)")
 PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
+WALL = (
+    "derail/RiskyPath", "toy_text/FrozenLake", "planning/SlidingPuzzle", "derail/InitShiftExpert", "safety/TomatoWatering",
+    "classic_control/Acrobot", "planning/KeyDoor", "derail/LargestSum", "pomdp/Tiger", "bsuite/DeepSea",
+    "classic_control/MountainCar", "memory/Minesweeper", "derail/NoisyObs", "planning/TicTacToe", "derail/Sort",
+    "safety/BoatRace", "planning/Sokoban", "toy_text/Taxi",
+)  # fmt: skip
+"""The tasks of the wall of figures on the first pages."""
 
 
 @lru_cache
-def suite_of(page: str) -> Suite:
-    """The tasks of an index page, with their scores."""
-    name, title = SUITES[page]
+def suite_of(name: str) -> Suite:
+    """The tasks of a suite, with their scores."""
     tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite == name]
-    return gather_pages(tasks, title, facts={task.id: pages.gather(task) for task in tasks})
+    return gather_pages(tasks, SUITES[name].title, facts={task.id: pages.gather(task) for task in tasks})
 
 
 def write_pages() -> None:
     """Write a page, and its figures, for each task of the suites; only what changed, so that a second build is fast."""
-    for page in SUITES:
-        suite = suite_of(page)
-        files = {name: text for name, text in markdown(suite).items() if name != "index.md"}
+    for name in SUITES:
+        suite = suite_of(name)
+        files = markdown(suite)
+        for page in suite.pages:
+            files[f"{page.anchor}.md"] += f"\n## Specification\n\n```yaml\n{page.source_text}```\n"
+        files["index.md"] = f"# {suite.title}\n"  # `gallery_page` is what the site shows
         files |= {f"figures/{anchor}.svg": figures.svg(scene) + "\n" for anchor, scene in suite.scenes.items()}
-        for name, text in files.items():
-            path = (DOCS / page).parent / name
+        for file, text in files.items():
+            path = DOCS / "reference" / name / file
             if not path.exists() or path.read_text(encoding="utf-8") != text:
                 write_text(path, text)
 
 
-def gallery_page(page: str) -> str:
+def suite_page(page: str) -> str | None:
+    """Return the name of the suite whose index page this is; None for other pages."""
+    name = page.removeprefix("reference/").removesuffix("/index")
+    if page == f"reference/{name}/index" and name in SUITES:
+        return name
+    return None
+
+
+def gallery_page(name: str) -> str:
     """An index page: a gallery of the tasks of its suite."""
-    return f"# {SUITES[page][1]}\n\n```{{raw}} html\n{gallery(suite_of(page))}\n```\n"
+    suite = suite_of(name)
+    return f"# {suite.title}\n\n{SUITES[name].line.capitalize()}.\n\n{_raw(gallery({'': suite}))}"
 
 
-def thumbnails() -> str:
-    """The figures of the tasks of DERAIL, each a link to its page."""
-    suite = suite_of("reference/derail/index")
+def library_gallery() -> str:
+    """A gallery of all tasks."""
+    return _raw(gallery({f"{name}/": suite_of(name) for name in SUITES}))
+
+
+def wall() -> str:
+    """The figures of some tasks, each a link to its page."""
     links = []
-    for anchor in suite.folded:
-        page = next(page for page in suite.pages if page.anchor == anchor)
-        drawn = PAPER.sub("", (FIGURES / f"{anchor}.svg").read_text(encoding="utf-8"), count=1)
+    for task in WALL:
+        name = task.partition("/")[0]
+        suite = suite_of(name)
+        page = next(page for page in suite.pages if page.id == f"{task}-v0")
+        drawn = figures.svg(suite.scenes[page.anchor], css=True)
         links.append(
-            f'<a href="reference/derail/{anchor}.html">{drawn}<span>{page.name}</span><em>{page.capability}</em></a>'
+            f'<a href="reference/{name}/{page.anchor}.html">{drawn}<span>{page.name}</span><em>{page.capability}</em></a>'
         )
-    return '```{raw} html\n<div class="thumbnails">' + "".join(links) + "</div>\n```\n"
+    return _raw(f'<div class="thumbnails">{"".join(links)}</div>')
+
+
+def _raw(html: str) -> str:
+    return f"```{{raw}} html\n{html}\n```\n"
 
 
 def below(page: str) -> list[str] | None:
-    """The pages to list under a page of a suite: tasks under their index, variants under their task; None for other pages."""
-    folder, _, name = page.rpartition("/")
-    if f"{folder}/index" not in SUITES:
+    """The pages to list under a page: suites under the library, tasks under their suite, variants under their task.
+
+    None for pages that are none of these.
+    """
+    if page == LIBRARY:
+        return [f"{name}/index" for name in SUITES]
+    folder, _, anchor = page.rpartition("/")
+    name = suite_page(f"{folder}/index")
+    if name is None:
         return None
-    folded = suite_of(f"{folder}/index").folded
-    return list(folded) if page in SUITES else [other.anchor for other in folded.get(name, ())]
+    folded = suite_of(name).folded
+    if anchor == "index":
+        return list(folded)
+    return [other.anchor for other in folded.get(anchor, ())]
 
 
 def with_figures(text: str, folder: Path) -> str:

@@ -1,36 +1,24 @@
-"""The page of the library: every task beside those of the paper, with exact values, and what it was compared with."""
+"""The page of the library: its suites, and what their tasks were compared with."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections import Counter
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 from docs.tools.markdown import code, entries, filled
-from taskspec.base.display import number
-from taskspec.exact import Results, Return
 from taskspec.language import registry
-from taskspec.language.task.record import size
-from taskspec.language.task.task import Task
+from taskspec.language.suites import SUITES
 
 PAGE = Path(__file__).parents[1] / "reference" / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")
 """How many times faster tasks are than their originals, as `python -m tests.benchmarks.originals` measured."""
-SUITES = {
-    "textbook": "Textbook",
-    "toy_text": "Gymnasium's toy text",
-    "classic_control": "Classic control",
-    "bsuite": "Behaviour suite",
-    "memory": "Memory",
-    "pomdp": "Partially observable",
-    "safety": "Safety",
-    "irl": "What identifies a reward",
-    "planning": "Planning",
-    "operations": "Operations",
-}
-"""Headings of the suites of the library."""
+COMPARED = (
+    "textbook", "toy_text", "classic_control", "bsuite", "memory", "pomdp", "safety", "irl", "planning", "operations",
+)  # fmt: skip
+"""The suites whose tasks were known before, and were compared with their originals."""
 
 
 class Evidence(NamedTuple):
@@ -101,17 +89,9 @@ EVIDENCE = (
 
 def library() -> str:
     """Return the page of the library."""
-    parts = []
-    for suite, heading in SUITES.items():
-        tasks = [registry.load(name) for name in registry.task_ids() if name.startswith(f"{suite}/")]
-        bases = {task.source.document.origin.name: task for task in tasks if task.source.merged.variant is None}
-        shown = [task for task in tasks if task in bases.values() or task.summary != _base(task, bases).summary]
-        parts.append(f"## {heading}\n\n{_values(shown)}")
-    return filled(PAGE, {"tables": "\n\n".join(parts), "compared": _compared(), "speed": _speed()})
-
-
-def _base(task: Task, bases: dict[str, Task]) -> Task:
-    return bases[task.source.document.origin.name]
+    counts = Counter(name.partition("/")[0] for name in registry.task_ids())
+    suites = entries((code(name), f"{about.line} ({counts[name]})") for name, about in SUITES.items())
+    return filled(PAGE, {"suites": suites, "compared": _compared(), "speed": _speed()})
 
 
 def _compared() -> str:
@@ -136,24 +116,3 @@ def _speed() -> str:
         f"With 1,024 lanes, NumPy makes {least} to {most} times as many steps a second as a loop over the original "
         f"(median {middle}, {len(ratios)} tasks; `python -m tests.benchmarks.originals`)."
     )
-
-
-def _values(tasks: Iterable[Task]) -> str:
-    return entries(map(_row, tasks))
-
-
-def _row(task: Task) -> tuple[str, str]:
-    """Return a task with its size and returns, and what it is."""
-    results = Results(task)
-    facts = [size(task).replace(" × ", "×")]
-    if results.random is not None:
-        best = "?" if results.optimal is None else _shown(results.optimal)
-        facts.append(f"{_shown(results.random)}→{best}")
-    return f"{code(task.name)} ({', '.join(facts)})", task.summary
-
-
-def _shown(found: Return) -> str:
-    """Return an exact value, or the mean of episodes as such."""
-    if found.exact:
-        return number(found.value)
-    return f"≈{number(found.value, 3)}"

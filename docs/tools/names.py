@@ -14,7 +14,7 @@ import taskspec
 from docs.tools.markdown import code, table
 
 PACKAGE = Path(taskspec.__file__).parent
-HEAD = """# Public names
+HEAD = """# Functions
 
 Generated from the source. These names, under these modules, are the public interface: what changes of them is in the
 changelog. A module without `__all__` is private, and so is a name that is not in it.
@@ -24,7 +24,17 @@ changelog. A module without `__all__` is private, and so is a name that is not i
 
 def names() -> str:
     """The page."""
-    return "\n\n".join([HEAD.rstrip("\n"), *(_section(module) for module in public_modules())]) + "\n"
+    modules = public_modules()
+    return "\n\n".join([HEAD.rstrip("\n"), _contents(modules), *map(_section, modules)]) + "\n"
+
+
+def _contents(modules: list[str]) -> str:
+    """A link to each module, with its names."""
+    lines = []
+    for module in modules:
+        names = ", ".join(code(name) for name in sorted(public_names(module), key=str.lower))
+        lines.append(f"- [{module}](#{module.replace('.', '')}): {names}")
+    return "\n".join(lines)
 
 
 def public_modules() -> list[str]:

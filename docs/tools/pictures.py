@@ -1,5 +1,6 @@
 """Draw the pictures of the README and of other pages: `python -m docs.tools.pictures`, in the root of a checkout.
 
+- `wall-light.svg`, `wall-dark.svg`: figures of tasks of the library.
 - `first-light.svg`, `first-dark.svg`: the spec of `docs/index.md` beside what commands print of it: figure, mathematics, exact
   scores. LaTeX and pdftocairo typeset the mathematics.
 - `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `card-narrow-…` for telephones.
@@ -19,7 +20,10 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from taskspec.show.figures import chart
+from docs.tools.galleries import WALL
+from taskspec.language import registry
+from taskspec.show.figures import chart, scene
+from taskspec.show.figures import svg as figure_svg
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs/pictures"
@@ -36,6 +40,8 @@ BLACK = re.compile(r"rgb\(0%, ?0%, ?0%\)")
 FIGURE_SCALE, FORMULA_SCALE = 1.35, 1.5
 WIDTH, MARGIN, COLUMN, LINE = 900, 20, 516, 16.0
 """Sizes in pixels: of the picture, around it, where the right column begins, and from line to line."""
+TILES, TILE, GAP, LARGEST = 6, 130, 12, 1.4
+"""Tiles in a row, the height of one, the space around its figure, and how much a figure is enlarged at most."""
 TEX = r"""\documentclass[border=1pt]{standalone}
 \usepackage{amsmath,mathtools,varwidth}
 \begin{document}\begin{varwidth}{13cm}\setlength{\parindent}{0pt}\setlength{\parskip}{5pt}
@@ -187,6 +193,41 @@ def recolored(svg: str, theme: Theme) -> str:
     return svg
 
 
+def wall(theme: Theme) -> str:
+    """Return the figures of some tasks, each over its name."""
+    rows = -(-len(WALL) // TILES)
+    width = WIDTH / TILES
+    height = rows * TILE + MARGIN
+    parts = []
+    for i, name in enumerate(WALL):
+        task = registry.load(name)
+        drawn = scene(task)
+        assert drawn is not None, f"{name} has no figure"
+        x = width * (i % TILES)
+        y = MARGIN / 2 + TILE * (i // TILES)
+        figure = figure_svg(drawn)
+        own = _size(figure)
+        room = (width - 2 * GAP, TILE - 2 * GAP - LINE)
+        scale = min(room[0] / own[0], room[1] / own[1], LARGEST)
+        left = x + (width - own[0] * scale) / 2
+        top = y + GAP + (room[1] - own[1] * scale) / 2
+        frame = f'x="{x + GAP / 2:.1f}" y="{y + GAP / 2:.1f}" width="{width - GAP:.1f}" height="{TILE - GAP}"'
+        parts += [
+            f'<rect {frame} rx="6" fill="none" stroke="{theme.muted}" stroke-opacity="0.4"/>',
+            recolored(_within(figure, round(left, 1), top, scale), theme),
+            f'<text x="{x + width / 2:.1f}" y="{y + TILE - GAP:.1f}" fill="{theme.ink}">{escape(task.name)}</text>',
+        ]
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+        f'viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}" role="img">'
+        f"<title>Figures of {len(WALL)} tasks of the library</title>"
+        f'<rect width="{WIDTH}" height="{height}" rx="8" fill="{theme.paper}"/>'
+        '<g font-family="system-ui,-apple-system,Segoe UI,Helvetica,Arial,DejaVu Sans,sans-serif" font-size="11" '
+        'text-anchor="middle">'
+    )
+    return "\n".join([head, *parts, "</g></svg>"]) + "\n"
+
+
 def card(*options: str) -> str:
     """Return the report of an exam as a picture."""
     with tempfile.TemporaryDirectory() as name:
@@ -219,6 +260,8 @@ def main() -> None:
     """Draw all pictures."""
     PICTURES.mkdir(exist_ok=True)
     shown = example()
+    for theme in (LIGHT, DARK):
+        (PICTURES / f"wall-{theme.name}.svg").write_text(wall(theme), encoding="utf-8")
     mathematics = typeset(shown.formulas)
     for theme in (LIGHT, DARK):
         (PICTURES / f"first-{theme.name}.svg").write_text(first(shown, mathematics, theme), encoding="utf-8")

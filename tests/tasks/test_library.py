@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from docs.tools.library import EVIDENCE, SUITES
+from docs.tools.library import COMPARED, EVIDENCE
 from taskspec.base.bibliography import beside
 from taskspec.language import registry, source
 from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.show.figures import scene
 from tests.shared.specs import ROOT, specs
 
-FILES = specs(*(f"tasks/{suite}/*.yaml" for suite in SUITES))
-LIBRARY = [name for name in registry.task_ids() if name.partition("/")[0] in SUITES]
+FILES = specs(*(f"tasks/{suite}/*.yaml" for suite in COMPARED))
+LIBRARY = [name for name in registry.task_ids() if name.partition("/")[0] in COMPARED]
 
 
 def test_there_are_sixty_tasks() -> None:

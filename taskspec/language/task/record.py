@@ -109,10 +109,11 @@ def _extent(components: Sequence[Component]) -> str:
     parts = []
     for kind, n in sets.items():
         parts.append(f"{_SETS[kind]}{'' if n == 1 else str(n).translate(_RAISED)}")
-    return " ".join([*([_short(finite)] if finite > 1 or not parts else []), *parts])
+    return " ".join([*([short(finite)] if finite > 1 or not parts else []), *parts])
 
 
-def _short(n: int) -> str:
+def short(n: int) -> str:
+    """Return a number of states, from a million on to two digits: `16,384`, `6.8·10¹⁰`."""
     if n < 1_000_000:
         return f"{n:,}"
     digits = len(str(n)) - 1

@@ -5,7 +5,6 @@ The one script is the gallery's: it filters the tasks, and without it all of the
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,10 +16,10 @@ from taskspec.language.printers.text import plain
 from taskspec.show.figures import Scene, layers, svg
 from taskspec.show.figures.film import film
 from taskspec.show.figures.machine import state_labels
-from taskspec.show.pages.facts import lines as score_lines
 from taskspec.show.pages.hypertext import HtmlWriter, origin_of
 from taskspec.show.pages.page import Page
 from taskspec.show.pages.render import html_environment
+from taskspec.show.pages.render.gallery import gallery, gallery_style
 from taskspec.show.pages.render.suite import Suite, notation
 
 MOST_ITEMS = 2000  # larger figures are drawn once, without overlays
@@ -38,7 +37,10 @@ def site(suite: Suite) -> dict[str, str]:
     count = len(suite.pages)
     files = {
         "index.html": env.get_template("index.html").render(
-            count=count, notation=HtmlWriter({}).prose(notation(suite.pages)), **_gallery(suite), **common
+            count=count,
+            notation=HtmlWriter({}).prose(notation(suite.pages)),
+            gallery=Markup(gallery({"": suite})),
+            **common,
         )
     }
     for i, page in enumerate(suite.pages):
@@ -51,21 +53,6 @@ def site(suite: Suite) -> dict[str, str]:
             before=before, after=after, **_page(suite, page), **common
         )
     return {name: visible(text, ON_PAGES) for name, text in files.items()}
-
-
-def gallery(suite: Suite) -> str:
-    """Return the tasks as cards, with a search field and a button for each capability, for a page of its own."""
-    return visible(html_environment().get_template("cards.html").render(**_gallery(suite)), ON_PAGES)
-
-
-def _gallery(suite: Suite) -> dict[str, Any]:
-    cards = [_card(suite, page) for page in suite.pages if page.anchor in suite.folded]
-    return {"cards": cards, "capabilities": sorted({card["page"].capability for card in cards} - {""})}
-
-
-def gallery_style() -> str:
-    """Return CSS of galleries and figures, for a page that says what `--ink`, `--paper` and the other colours are."""
-    return html_environment().get_template("gallery.css").render()
 
 
 def page_style() -> str:
@@ -120,22 +107,6 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
         if moving is not None:
             shown.insert(1, ("film", Markup(moving)))
     return shown
-
-
-def _card(suite: Suite, page: Page) -> dict[str, Any]:
-    """Return a task in the index: its line of facts and its thumbnail."""
-    scene: Scene | None = suite.scenes.get(page.anchor)
-    writer = HtmlWriter(suite.cited)
-    spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
-              if (section := page.section(key)) is not None]  # fmt: skip
-    facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
-    known = replace(page.facts, unknown=())
-    found = list(map(writer.prose, score_lines(page.task, known)))
-    names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
-    return {
-        "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
-        "figure": Markup(svg(scene, css=True)) if scene else None, "variants": suite.folded[page.anchor],
-    }  # fmt: skip
 
 
 @lru_cache(maxsize=32)
