@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import resource
 import select
 import subprocess
 import sys
@@ -29,6 +28,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.learn.experiments.experiment_file import described
+from tests.shared.apart import Ended, taskspec
 from tests.shared.sections import text
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
@@ -122,7 +122,7 @@ def test_the_time_of_a_simulation_is_bounded(set_limits: Any) -> None:
 )  # fmt: skip
 def test_what_cannot_be_understood_is_said(value: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text())
-    run = taskspec(tmp_path, "check", "a.yaml", TASKSPEC_LIMITS=value)
+    run = bounded(tmp_path, "check", "a.yaml", TASKSPEC_LIMITS=value)
     assert run.returncode == 1
     assert run.stderr.startswith(f"error[E713 invalid-option]: {limits.VARIABLE}: ") and words in run.stderr
 
@@ -135,17 +135,17 @@ def test_limits_are_read_from_the_environment() -> None:
 @pytest.mark.parametrize("command", sparse(["check", "solve"], 2))
 def test_an_option_sets_limits_for_one_command(command: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text(expert="{a: true}", claims="[optimal_return == 1]"))
-    assert json_of(taskspec(tmp_path, command, "a.yaml", "--json"), command) is None
-    skipped = json_of(taskspec(tmp_path, command, "a.yaml", "--json", "--limit", "transitions=19"), command)
+    assert json_of(bounded(tmp_path, command, "a.yaml", "--json"), command) is None
+    skipped = json_of(bounded(tmp_path, command, "a.yaml", "--json", "--limit", "transitions=19"), command)
     assert skipped is not None and "more than 9 states can be reached, each with up to " in skipped
-    both = taskspec(tmp_path, command, "a.yaml", "--json", "--limit", "seconds=60", "--limit", "transitions=1e6",
+    both = bounded(tmp_path, command, "a.yaml", "--json", "--limit", "seconds=60", "--limit", "transitions=1e6",
                     TASKSPEC_LIMITS="transitions=19")  # fmt: skip
     assert json_of(both, command) is None
-    wrong = taskspec(tmp_path, command, "a.yaml", "--limit", "second=60")
+    wrong = bounded(tmp_path, command, "a.yaml", "--limit", "second=60")
     assert wrong.returncode == 1 and "did you mean 'seconds'" in wrong.stderr
 
 
-def json_of(run: subprocess.CompletedProcess[str], command: str) -> str | None:
+def json_of(run: Ended, command: str) -> str | None:
     """Why there is no exact model, as a command says it in JSON."""
     data = json.loads(run.stdout)
     if command == "solve":
@@ -246,13 +246,9 @@ BOMBS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 
-def taskspec(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    def bound() -> None:
-        resource.setrlimit(resource.RLIMIT_DATA, (10**9, 10**9))
-        resource.setrlimit(resource.RLIMIT_CPU, (20, 20))
-
-    return subprocess.run([sys.executable, "-m", "taskspec", *arguments], cwd=folder, env={**os.environ, **environment},
-                          capture_output=True, text=True, preexec_fn=bound, check=False)  # fmt: skip
+def bounded(folder: Path, *arguments: str, **environment: str) -> Ended:
+    """A command with a gigabyte and twenty seconds."""
+    return taskspec(folder, *arguments, resources={"RLIMIT_DATA": 10**9, "RLIMIT_CPU": 20}, **environment)
 
 
 PRINTED = ("many components", "many values", "permutation", "set", "chain")
@@ -263,7 +259,7 @@ PRINTED = ("many components", "many values", "permutation", "set", "chain")
 )
 def test_bombs_end(bomb: str, command: str, tmp_path: Path) -> None:
     (tmp_path / "walk.yaml").write_text(text(**BOMBS[bomb]), encoding="utf-8")
-    run = taskspec(tmp_path, command, "walk.yaml")
+    run = bounded(tmp_path, command, "walk.yaml")
     assert run.returncode in (0, 1), run.stdout + run.stderr
     assert "internal error" not in run.stderr
     if run.returncode:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +12,7 @@ from rich.cells import cell_len
 from taskspec.base.codes import classes, codes
 from taskspec.language.registry import shipped, task_ids
 from taskspec.language.suites import SUITES
+from tests.shared.apart import taskspec
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
@@ -367,8 +366,7 @@ def test_check_in_several_processes_finds_the_same(tmp_path: Path) -> None:
     ]
     found = []
     for jobs in ("1", "2"):
-        command = [sys.executable, "-m", "taskspec", "check", *files, "--json", "-j", jobs]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        done = taskspec(ROOT, "check", *files, "--json", "-j", jobs)
         assert done.returncode == 1
         found.append(re.sub(r'"seconds": [\d.e-]+', "", done.stdout))
     assert found[0] == found[1]

@@ -6,10 +6,7 @@ import ast
 import errno
 import os
 import re
-import resource
 import stat
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -18,6 +15,7 @@ import pytest
 
 from taskspec.base import files
 from taskspec.base.diagnostics import SpecError
+from tests.shared.apart import taskspec
 from tests.shared.sparse import sparse
 
 ROOT = Path(__file__).parents[2]
@@ -41,11 +39,6 @@ OUTPUTS = [
 ]
 
 
-def full_disk() -> None:
-    """No file of this process, or of those that it starts, may become larger."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
-
-
 @pytest.mark.parametrize(
     ("arguments", "kept"), sparse(OUTPUTS, 4), ids=lambda x: " ".join(x[:1]) + x[-1] if isinstance(x, list) else ""
 )
@@ -54,11 +47,7 @@ def test_a_full_disk(tmp_path: Path, arguments: list[str], kept: str | None) -> 
         (tmp_path / kept).parent.mkdir(exist_ok=True)
         (tmp_path / kept).write_text("as it was")
     before = sorted(tmp_path.rglob("*"))
-    done = subprocess.run(
-        [sys.executable, "-m", "taskspec", *arguments],
-        cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=full_disk, timeout=120,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
-    )  # fmt: skip
+    done = taskspec(tmp_path, *arguments, resources={"RLIMIT_FSIZE": 100}, PYTHONDONTWRITEBYTECODE="1")
     assert done.returncode == 1, done.stderr
     assert "error[E716 file-unwritable]: cannot write '" in done.stderr
     assert "Traceback" not in done.stderr

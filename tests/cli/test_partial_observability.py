@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
-from tests.exact.scores.test_partial_observability import spec_file
+from tests.shared.apart import taskspec
+from tests.shared.specs import spec_file
 
 
 def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
     def run(*arguments: str) -> str:
-        command = [sys.executable, "-m", "taskspec", *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+        done = taskspec(tmp_path, *arguments)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     path = str(spec_file("memory_len"))
     text = run("solve", path)

@@ -1,9 +1,7 @@
-"""Whatever takes a task takes its id or the path of its spec as well, and what needs an extra says which."""
+"""Whatever takes a task takes its id or the path of its spec as well."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,45 +101,3 @@ def test_what_is_no_task_is_refused_with_a_code(name: str, tmp_path: Path) -> No
         with pytest.raises(taskspec.SpecError) as found:
             USES[name](source, tmp_path)
         assert [d.code for d in found.value.diagnostics] == ["E701"]
-
-
-@pytest.mark.parametrize(
-    ("package", "program", "extra"),
-    [
-        ("jax", "from taskspec.programs.jax import Functional", "jax"),
-        ("jax", "from taskspec.envs.functional import TaskFuncEnv", "jax"),
-        ("jax", "import taskspec; taskspec.make_vec('RiskyPath', backend='jax')", "jax"),
-        ("numba", "import taskspec; taskspec.make_vec('RiskyPath', backend='numba')", "numba"),
-        ("stable_baselines3", "from taskspec.envs.sb3 import Sb3VecEnv", "sb3"),
-        ("matplotlib", "import taskspec; taskspec.make('RiskyPath', render_mode='rgb_array')", "figures"),
-        ("matplotlib", "from taskspec.show.pages import figure; figure('RiskyPath', 'a.png')", "figures"),
-        ("pygame", "import taskspec; from taskspec.envs import window; window.play(taskspec.make('Sort'))", "play"),
-    ],
-)
-def test_a_missing_package_is_named_with_the_command_that_installs_it(
-    package: str, program: str, extra: str, tmp_path: Path
-) -> None:
-    hidden = f"""
-import importlib.abc, importlib.util, sys
-
-class Hidden(importlib.abc.MetaPathFinder):
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == {package!r}:
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
-
-sys.meta_path.insert(0, Hidden())
-sys.modules.pop({package!r}, None)
-found = importlib.util.find_spec
-importlib.util.find_spec = lambda name, *rest: None if name == {package!r} else found(name, *rest)
-import taskspec
-try:
-    exec({program!r})
-except taskspec.SpecError as error:
-    (diagnostic,) = error.diagnostics
-    print(diagnostic.code, diagnostic.message, diagnostic.hint)
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", hidden], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120
-    )
-    assert done.stdout.startswith("E705"), done.stderr
-    assert package in done.stdout and f"[{extra}]" in done.stdout and "pip install" in done.stdout

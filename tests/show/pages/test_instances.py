@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,17 +11,16 @@ from taskspec import SpecError, load
 from taskspec.show.figures import figure
 from tests.language.task.test_instances import SHUFFLED
 from tests.language.task.test_instances import path as path
+from tests.shared.apart import taskspec
 
 
 def test_constants_are_printed_and_drawn(path: Path) -> None:
     task = load(path, instance_seed=3)
-    command = [sys.executable, "-m", "taskspec", "show", str(path), "-p", "instance_seed=3"]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    command = ("show", path, "-p", "instance_seed=3")
+    printed = taskspec(path.parent, *command).stdout
     assert "meaning ∼ Perm(N), drawn once per instance" in printed and "half = ⌊N / 2⌋" in printed
     assert f"here meaning = {task.constants['meaning'].tolist()}" in printed
-    told = json.loads(subprocess.run([*command, "--json"], capture_output=True, text=True, check=True).stdout)[
-        "constants"
-    ]
+    told = json.loads(taskspec(path.parent, *command, "--json").stdout)["constants"]
     assert told["walls"] == task.constants["walls"].tolist() and told["half"] == 2
     assert task.annotations.figure is not None
     assert task.annotations.figure.map == tuple(
