@@ -51,19 +51,19 @@ def pauses(text: str, name: str, number: int) -> Iterator[tuple[int, str, str]]:
 def test_the_word_that_follows_is_offered() -> None:
     missed = []
     number = 0
-    for path in SPECS:
+    for path in SPECS[::3]:
         name = str(path)
-        for at, text, word in pauses(path.read_text(encoding="utf-8"), name, 8):
+        for at, text, word in pauses(path.read_text(encoding="utf-8"), name, 6):
             offered, _ = complete(analyse(text, name), at)
             labels = {each.label for each in offered}
             number += 1
             if not labels & {word, word.rstrip("'"), word + "'"}:
                 missed.append((path.name, text[:at].rpartition("\n")[2], word))
-    assert number > 150
+    assert number > 50
     assert len(missed) <= 0.02 * number, missed
 
 
-@pytest.mark.parametrize("path", sparse(SPECS[::7], 2), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sparse(SPECS[::7], 4), ids=lambda path: path.stem)
 def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     whole = analyse(text, str(path))
@@ -75,7 +75,7 @@ def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: 
         assert found.document is not None, typed[max(0, end - 60) : end]
 
 
-@pytest.mark.parametrize("path", SPECS[::9], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SPECS[::18], ids=lambda path: path.stem)
 def test_what_is_kept_between_keystrokes_is_what_would_be_worked_out_again(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     last = analyse(text, str(path))
@@ -160,7 +160,7 @@ def test_what_a_hint_says_to_write_is_written(right: str, wrong: str, fix: str) 
     assert analyse(SMALL.replace(right, fix, 1), "small.yaml").diagnostics == ()
 
 
-EDITS = 300
+EDITS = 100
 EDITED = ("families/tree.yaml", "probes/sizes.yaml", "memory/n_back.yaml", "families/experiments/trees.yaml")
 """Specs, and an experiment."""
 

@@ -329,7 +329,7 @@ def test_wrong_parameters(feature: str, tmp_path: FilePath) -> None:
                 assert {d.code for d in error.diagnostics} <= {"E314", "E702", "E703", "E704", "E407"}, (name, value)
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse([p for p in PLACES if isinstance(p[1][-1], str)], 5), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse([p for p in PLACES if isinstance(p[1][-1], str)], 20), ids=ids)
 def test_wrong_keys(feature: str, path: Path) -> None:
     for key in KEYS:
         assert_said(feature, renamed(feature, path, key))
