@@ -43,7 +43,7 @@ def test_an_expert_that_remembers_acts_on_what_it_saw() -> None:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_files_hold_the_same_data_whatever_the_number_of_workers(suffix: str, tmp_path: Path) -> None:
     one, two, other = (tmp_path / f"{name}{suffix}" for name in ("one", "two", "other"))
-    arguments = ("demos", "EarlyTermNeg", "--policy", "epsilon(0.5)", "-n", 600)
+    arguments = ("demos", "EarlyTermNeg", "--policy", "epsilon(0.5)", "-n", 100)
     told = Done(*arguments, "-o", one, "--json", "--seed", 3).data
     assert Done(*arguments, "-o", two, "-j", 2, "--seed", 3).status == Done(*arguments, "-o", other).status == 0
     assert one.read_bytes() == two.read_bytes() != other.read_bytes()

@@ -11,6 +11,7 @@ import pytest
 from taskspec.base.columns import shared_prefix
 from tests.shared.commands import Done
 from tests.shared.exams import exam
+from tests.shared.sparse import sparse
 
 SPEC = """\
 taskspec: 1
@@ -83,7 +84,7 @@ LOSSLESS = ("solve", "run", "sweep", "demos", "report several", "show", "list")
 """Commands that drop no columns."""
 
 
-@pytest.mark.parametrize("width", [60, 80])
+@pytest.mark.parametrize("width", sparse([60, 80], 2))
 @pytest.mark.parametrize("command", COMMANDS)
 def test_names_and_numbers_are_whole(specs: Path, command: str, width: int) -> None:
     wide = Done(*COMMANDS[command], columns=400)

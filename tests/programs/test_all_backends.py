@@ -109,7 +109,7 @@ def groups(op: Operator) -> dict[tuple[Type, ...], list[tuple[Any, ...]]]:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("op", sparse(TABLE, 2), ids=lambda op: op.name)
+@pytest.mark.parametrize("op", sparse(TABLE, 4), ids=lambda op: op.name)
 def test_operators_mean_what_the_reference_says(op: Operator, backend: str) -> None:
     for types, samples in groups(op).items():
         b = Builder()

@@ -151,7 +151,7 @@ CODE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("first", range(0, len(HOSTILE), 3))
+@pytest.mark.parametrize("first", range(0, len(HOSTILE), 9))
 def test_every_name_in_every_place(first: int) -> None:
     compare(tuple((HOSTILE * 2)[first : first + len(NAMED)]))
 
@@ -161,7 +161,7 @@ def test_every_text_in_every_place(text: str) -> None:
     compare(PLAIN, (text, text * 2, f"{text} ", f"x{text}"), (text, text, text))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_mixtures(seed: int) -> None:
     chance = random.Random(seed)
     texts = ["".join(chance.choices(CODE, k=3)) + str(i) for i in range(7)]
@@ -169,10 +169,10 @@ def test_mixtures(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", [*REFUSED, "", "a b", "a\nb", "x\u200b"])
-@pytest.mark.parametrize("place", range(len(NAMED)))
-def test_what_is_no_name_is_refused(name: str, place: int) -> None:
-    with pytest.raises(SpecError):
-        task_of((*PLAIN[:place], name, *PLAIN[place + 1 :]), LABELS, TEXTS)
+def test_what_is_no_name_is_refused(name: str) -> None:
+    for place in range(len(NAMED)):
+        with pytest.raises(SpecError):
+            task_of((*PLAIN[:place], name, *PLAIN[place + 1 :]), LABELS, TEXTS)
 
 
 # -- what generated code uses at all ---------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ USED = {
 def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:
     """In the sources of all specs of the repository."""
     seen = 0
-    for content in corpus.seeds()[::12]:
+    for content in corpus.seeds()[::24]:
         try:
             task = build(read_text(content.decode(), "spec.yaml"))
             found = dict(sources(task))
@@ -213,4 +213,4 @@ def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:
             imported = {n.module for n in nodes if isinstance(n, ast.ImportFrom)}
             assert all(module == "math" or str(module).startswith("taskspec.programs.numba.") for module in imported)
             assert {a.name for n in nodes if isinstance(n, ast.Import) for a in n.names} <= {"numpy"}
-    assert seen > 10
+    assert seen > 5

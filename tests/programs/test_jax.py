@@ -85,7 +85,7 @@ ONE_BY_ONE = ("uniform", "normal", "dirichlet", "permutation")
 
 
 @pytest.mark.parametrize(
-    ("base", "unrolled"), sparse([*((b, False) for b in DRAWN), *((b, True) for b in ONE_BY_ONE)], 2)
+    ("base", "unrolled"), sparse([*((b, False) for b in DRAWN), *((b, True) for b in ONE_BY_ONE)], 4)
 )
 def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """XLA fuses and reorders what it can, and still every draw is the one that NumPy gives."""

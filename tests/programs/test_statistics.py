@@ -161,7 +161,7 @@ def p_value(values: np.ndarray, law: Law) -> float:
     return float(stats.chisquare(found, expected).pvalue) if len(found) > 1 else 1.0
 
 
-@pytest.mark.parametrize("name", sparse(COMPONENTS, 2))
+@pytest.mark.parametrize("name", sparse(COMPONENTS, 4))
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_distributions(backend: str, name: str) -> None:
     law = COMPONENTS[name][2]
@@ -246,7 +246,7 @@ def pairs(backend: str, between: str) -> Iterator[tuple[np.ndarray, np.ndarray]]
                 yield these[: STEPS // 6], these[STEPS // 6 :]
 
 
-@pytest.mark.parametrize("between", sparse(["sites", "steps", "lanes", "phases", "far"], 2))
+@pytest.mark.parametrize("between", sparse(["sites", "steps", "lanes", "phases", "far"], 3))
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_independence(backend: str, between: str) -> None:
     """Any two draws, of one step, of steps or lanes side by side, of the n-th reset and the n-th step, and far apart."""

@@ -59,7 +59,7 @@ def test_a_twin_is_a_task(task_id: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("backend", [b for b in ("numba", "jax") if find_spec(b)])
-@pytest.mark.parametrize(("task_id", "name"), sparse([pair for pair in DECLARED if "Seals" not in pair[0]], 2))
+@pytest.mark.parametrize(("task_id", "name"), sparse([pair for pair in DECLARED if "Seals" not in pair[0]], 4))
 def test_backends_agree_on_twins(task_id: str, name: str, backend: Any) -> None:
     Agreement(twin_of(task_id, name), backend, 3, "SameStep", one=ReferenceEnv, states=True).run(12)
 

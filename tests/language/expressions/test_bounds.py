@@ -21,7 +21,7 @@ from tests.verification.fuzz.bounds import COMPILED, EVERY, QUICK, breaches
 INF = math.inf
 
 
-@pytest.mark.parametrize("root", sparse(EVERY, 2))
+@pytest.mark.parametrize("root", sparse(EVERY, 4))
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.data_too_large])
 @given(chance=st.randoms(use_true_random=False))
 def test_of_every_operator(root: str, chance: random.Random) -> None:

@@ -135,7 +135,7 @@ def test_numpy_agrees_with_the_reference_interpreter(task_id: str, name: str) ->
 
 
 @pytest.mark.parametrize("backend", [b for b in ("numba", "jax") if find_spec(b)])
-@pytest.mark.parametrize("name", sparse(MODIFIERS, 3))
+@pytest.mark.parametrize("name", sparse(MODIFIERS, 6))
 def test_backends_agree(name: str, backend: Any) -> None:
     """On a task of the suite that a modifier applies to, RiskyPath if it may be, which draws; `-m slow` has them all."""
     task_id = next(each for each in sorted(IDS, key=lambda i: "RiskyPath" not in i) if modified(each, name) is not None)

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 SPECS = [*paper_ids(), *map(str, varied_files())]
 
 
-@pytest.mark.parametrize("name", sparse(SPECS, 8), ids=lambda name: Path(name).stem)
+@pytest.mark.parametrize("name", sparse(SPECS, 16), ids=lambda name: Path(name).stem)
 def test_a_report_gives_the_facts_that_are_worked_out_without_it(name: str) -> None:
     task = registry.load(name)
     report = check(task, ranges=False)
