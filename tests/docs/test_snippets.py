@@ -42,6 +42,7 @@ from taskspec.learn.exam import findings, results
 from taskspec.learn.learners import learner
 from taskspec.tools.authoring.checks import check_other, examine
 from tests.conftest import needs_vectors
+from tests.shared.apart import Ended, taskspec
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -285,18 +286,14 @@ def run_commands(block: Block, page: Page) -> None:
             assert done.returncode == 0, done.stderr
 
 
-def run(program: str, arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    prefix = [sys.executable, "-m", "taskspec"] if program == "taskspec" else [sys.executable]
+def run(program: str, arguments: list[str], folder: Path) -> Ended:
+    if program == "taskspec":
+        return taskspec(folder, *arguments, COLUMNS="90")
     environment = {**os.environ, "NO_COLOR": "1", "COLUMNS": "90", "PYTHONIOENCODING": "utf-8"}
-    return subprocess.run(
-        [*prefix, *arguments],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, encoding="utf-8", check=False
     )
+    return Ended(done.returncode, done.stdout, done.stderr)
 
 
 def compare(shown: str, came: str, start: int, end: int, page: Page) -> None:
