@@ -6,23 +6,30 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from taskspec.base.columns import Columns
-from taskspec.base.display import duration, visible_json
+from taskspec.base.display import duration, listed, visible_json
 from taskspec.base.files import write_text
 from taskspec.base.terminal import VisibleText
 from taskspec.exact.rules.score_rules import short_name
 from taskspec.learn.exam.findings import SLACK, FindingResult, FindingsResult, Outcome
+from taskspec.learn.exam.findings_chart import SIGNS, outcomes
 from taskspec.learn.exam.results import Exam
+from taskspec.show.figures import chart
 from taskspec.show.pages.render.html import page_of
 
 STYLES: dict[Outcome, str] = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
-SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
-LEGEND = (
-    "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. Behind "
-    "them is how many of its comparisons it rests on; where these are not all k, they hold in intervals of 1 − 5 % / k. It is "
-    "sensitive to what would give another outcome: the best actions of policies instead of drawn ones (or the other way round), "
-    f"and thresholds of scores that are {SLACK} easier or harder to meet."
+RULE = (
+    "A statement is confirmed if its condition holds everywhere in the 95 % intervals, and refuted if it holds nowhere."
 )
+EVIDENCE = (
+    "Each condition is followed by the comparison that comes closest to another outcome, with its interval. In parentheses: the "
+    "number of comparisons that decide; where these are not all k, they hold in intervals of 1 − 5 % / k. The last column lists "
+    "changes that would alter the outcome: the best actions of policies instead of drawn ones (or the other way round), and "
+    f"thresholds of scores that are {SLACK} easier or harder to meet."
+)
+PICTURE = "findings.svg"
 
 
 def write(found: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Path]:
@@ -37,35 +44,53 @@ def write(found: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Pa
         The files written.
     """
     origin = setups(exams)
-    texts = {"md": markdown(found, origin), "html": html(found, origin), "json": visible_json(found.data) + "\n"}
+    drawn = chart.is_available()
+    texts = {
+        "md": markdown(found, origin, PICTURE if drawn else ""),
+        "html": html(found, origin),
+        "json": visible_json(found.data) + "\n",
+    }
     paths = []
     for suffix, content in texts.items():
         paths.append(folder / f"findings.{suffix}")
         write_text(paths[-1], content)
+    if drawn:
+        paths.append(chart.save(outcomes(found), folder / PICTURE))
     return paths
 
 
-def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
-    """Return a page in Markdown: the number of findings with each outcome, a table of all of them, and how it was run.
+def markdown(found: FindingsResult, origin: Sequence[str] = (), picture: str = "") -> str:
+    """Return a page in Markdown: the result, a picture, a table in words, and conditions with their evidence.
 
     Args:
+        found: the findings with their outcomes.
         origin: lines about the origin of the results: machine, versions, command.
+        picture: the address of the chart of outcomes; none without.
     """
     described = found.described
-    lines = [f"# {described.title or 'Findings'}", ""]
-    for name in found.sets:
-        counts = ", ".join(f"**{count} {outcome}**" for outcome, count in found.counts(name).items() if count)
-        strip = "".join(SIGNS[each.outcome(name)] for each in found.results)
-        lines += [f"- {name}: {counts}", f"  `{strip}`"]
-    signs = ", ".join(f"{sign} {outcome}" for outcome, sign in SIGNS.items())
-    lines += ["", f"Each sign is one finding, in the order of the table below: {signs}. {LEGEND}", ""]
+    lines = [f"# {described.title or 'Findings'}", "", result(found), ""]
     if described.doc:
         lines += [described.doc, ""]
+    if picture:
+        alt = "The outcome of each statement, by the learners that it is about"
+        lines += [f"![{alt}]({picture})", ""]
+    in_words = [_in_words(each, found.sets) for each in found.results]
+    lines += _table(["", "the paper says", *found.sets], in_words)
+    lines += ["", "## Conditions and evidence", "", EVIDENCE, ""]
     rows = [_row(each, found.sets) for each in found.results]
-    lines += _table(["", "the paper says", *found.sets, "sensitive to"], rows)
+    lines += _table(["", "condition", *found.sets, "sensitive to"], rows)
     if origin:
         lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"
+
+
+def result(found: FindingsResult) -> str:
+    """Return the result in a paragraph: `Of 35 statements, 12 are confirmed with paper, ...`."""
+    parts = []
+    for name in found.sets:
+        counts = [f"{count} {outcome}" for outcome, count in found.counts(name).items() if count]
+        parts.append(f"with `{name}`, {listed(counts)}")
+    return f"Of {len(found.results)} statements: {'; '.join(parts)}. {RULE}"
 
 
 def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
@@ -78,9 +103,10 @@ def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
         }
         for each in found.results
     ]  # fmt: skip
+    picture = Markup(chart.svg(outcomes(found))) if chart.is_available() else ""
     return page_of(
         "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
-        tallies={name: found.counts(name) for name in found.sets}, legend=LEGEND,
+        tallies={name: found.counts(name) for name in found.sets}, legend=f"{RULE} {EVIDENCE}", picture=picture,
     )  # fmt: skip
 
 
@@ -103,26 +129,31 @@ def _sensitivity(each: FindingResult, name: str) -> str:
     return ", ".join(f"{how} ({outcome})" for how, outcome in each.sensitivity(name).items())
 
 
-def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:
+def _in_words(each: FindingResult, sets: Sequence[str]) -> list[str]:
+    """Return a row without code: the statement, a note, and the outcomes."""
     entry = each.entry
-    says = f"{entry.says} *({entry.where})* `{' '.join(entry.holds.split())}`"
+    says = f"{entry.says} *({entry.where})*"
     if entry.note:
         says += f" {entry.note}"
-    outcomes = [_outcome(each, name) for name in sets]
-    sensitive = [f"{o['set']}: {o['sensitivity']}" for o in outcomes if o["sensitivity"]]
-    return [each.name, says, *map(_cell, outcomes), "; ".join(sensitive)]
+    return [each.name, says, *(f"{SIGNS[each.outcome(name)]} {each.outcome(name)}" for name in sets)]
+
+
+def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:
+    """Return a row of the evidence: the condition, and for each set the comparison that decides."""
+    shown = [_outcome(each, name) for name in sets]
+    sensitive = [f"{o['set']}: {o['sensitivity']}" for o in shown if o["sensitivity"]]
+    return [each.name, f"`{' '.join(each.entry.holds.split())}`", *map(_cell, shown), "; ".join(sensitive)]
 
 
 def _cell(found: Mapping[str, Any]) -> str:
-    outcome: Outcome = found["outcome"]
     if not found["evidence"]:
-        return SIGNS[outcome]
+        return SIGNS[found["outcome"]]
     compared, sign, value = found["evidence"].partition(" = ")
     if found["of"] > 1:
         number = f" ({found['number']} of {found['of']})"
     else:
         number = ""
-    return f"**{outcome}**: `{compared}`{sign}{value}{number}"
+    return f"`{compared}`{sign}{value}{number}"
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -134,8 +165,8 @@ def text(found: FindingsResult) -> Columns:
     """Return findings with their outcomes, and how many there are of each, as a table on the terminal."""
     table = Columns("", "the paper says", *found.sets, fold=(1,), styles=("name",), names=1)
     for each in found.results:
-        outcomes = [each.outcome(name) for name in found.sets]
-        table.add_row(each.name, each.entry.says, *(VisibleText(word, style=STYLES[word]) for word in outcomes))
+        words = [each.outcome(name) for name in found.sets]
+        table.add_row(each.name, each.entry.says, *(VisibleText(word, style=STYLES[word]) for word in words))
     counts = [found.counts(name) for name in found.sets]
     for outcome, style in STYLES.items():
         numbers = [str(count[outcome]) for count in counts]

@@ -62,11 +62,11 @@ MISTAKES = {
         "that bootstraps at the ends of episodes alone", "gamma * terminated * V(s')", "Multiply V(s') by (1 - terminated).",
     ),
     "mask late": KnownMistake(
-        "whose mask is that of the step before", "dones[t - 1] beside obs[t]",
+        "whose mask belongs to the step before", "dones[t - 1] beside obs[t]",
         "Store the flag of a step with the observation that the step left.",
     ),
     "mask early": KnownMistake(
-        "whose mask is that of the step after", "dones[t + 1] beside obs[t]",
+        "whose mask belongs to the step after", "dones[t + 1] beside obs[t]",
         "Store the flag of a step with the observation that the step left.",
     ),
     "start unseen": KnownMistake(

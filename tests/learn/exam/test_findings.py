@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import re
+import shutil
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -159,7 +160,8 @@ def test_a_finding_says_which_thresholds_and_actions_it_is_sensitive_to() -> Non
     results = evaluate("derail", {"s": {"gail_fu": near}})
     (found,) = [each for each in results.results if each.name == "F03"]
     assert found.sensitivity("s") == {"best actions": "confirmed", "0.1 easier": "confirmed"}
-    (row,) = [line for line in markdown(results).splitlines() if line.startswith("| F03")]
+    words, row = [line for line in markdown(results).splitlines() if line.startswith("| F03")]
+    assert "`" not in words and words.endswith("| ✗ refuted |")
     assert row.endswith("| s: best actions (confirmed), 0.1 easier (confirmed) |")
     assert "`score(gail_fu, EarlyTermNeg) > 0.9`" in row
 
@@ -169,11 +171,11 @@ def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:
     right = world | {"gail_im": world["gail_im"] | {"EarlyTermNeg": 1.0}}
     found = evaluate("derail", {"paper": results(world), "corrected": results(right)})
     lines = markdown(found, ["on a machine"]).splitlines()
-    assert "- on a machine" in lines and "|  | the paper says | paper | corrected | sensitive to |" in lines
-    (row,) = [line for line in lines if line.startswith("| F01 |")]
-    assert "**confirmed**: `score(gail_im, EarlyTermNeg)` = −0.90 (2 of 2)" in row
-    assert "**refuted**: `score(gail_im, EarlyTermNeg)` = 1.00 (1 of 2) |" in row
-    assert all(line.count("|") - line.count("\\|") == 6 for line in lines if line.startswith("| F"))
+    assert "- on a machine" in lines and "|  | the paper says | paper | corrected |" in lines
+    words, row = [line for line in lines if line.startswith("| F01 |")]
+    assert words.endswith("| ✓ confirmed | ✗ refuted |")
+    assert "| `score(gail_im, EarlyTermNeg)` = −0.90 (2 of 2) | `score(gail_im, EarlyTermNeg)` = 1.00 (1 of 2) |" in row
+    assert {line.count("|") - line.count("\\|") for line in lines if line.startswith("| F")} == {5, 6}
 
 
 def test_the_page_in_html_stands_alone() -> None:
@@ -183,7 +185,9 @@ def test_the_page_in_html_stands_alone() -> None:
     words = " ".join(re.sub(r"<[^>]+>", " ", text.partition("</style>")[2]).split())
     assert "on a machine" in words and "&lt;paper&gt;" in words
     assert "&lt;paper&gt; refuted score(gail_fu, EarlyTermPos) = 0.50" in words
-    assert words.count("&lt;paper&gt;") == 36  # beside each finding, and once for how many came to what
+    assert (
+        words.count("&lt;paper&gt;") == 36 + words.count("Outcomes of") + 8
+    )  # beside each finding, how many came to what, and the chart
 
 
 def test_a_learner_that_no_finding_is_about_is_refused() -> None:
@@ -208,7 +212,10 @@ def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path, is_compre
     told = {each["name"]: each for each in json.loads((tmp_path / "out" / "findings.json").read_text(encoding="utf-8"))}
     assert told["F01"]["outcomes"]["paper"]["outcome"] == "confirmed"
     assert told["F16"]["outcomes"]["paper"]["outcome"] == "not run"
-    assert "2 exams, of 15 seeds" in (tmp_path / "out" / "findings.md").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "findings.md").read_text(encoding="utf-8")
+    assert "2 exams, of 15 seeds" in page and "](findings.svg)" in page
+    drawn = (tmp_path / "out" / "findings.svg").read_text(encoding="utf-8")
+    assert {name for name in told if f"{name} " in drawn} == set(told)
     assert Done("report", tmp_path / "paper" / "gail_im", "-o", tmp_path / "one").status == 0
 
 
@@ -236,6 +243,7 @@ def test_the_page_in_the_docs_is_that_of_the_results_beside_it(tmp_path: Path, u
     page = (tmp_path / "findings.md").read_text(encoding="utf-8")
     if update_golden:
         (DOCS / "explain/findings.md").write_text(page, encoding="utf-8")
+        shutil.copy(tmp_path / "findings.svg", DOCS / "explain")
     assert (DOCS / "explain/findings.md").read_text(encoding="utf-8") == page
 
 

@@ -236,6 +236,7 @@ class ExamDocument(Strict):
 class FindingEntry(Strict):
     """A statement of a source about the results of several learners."""
 
+    about: str | None = optional("The learners that it is about, by which a picture groups findings.")
     where: str = Field(description="Where the source says it.")
     says: str = Field(description="The statement, in one sentence.")
     holds: str = Field(description="A condition over scores: `score(GAIL_IM, EarlyTermNeg) < 0`.")
