@@ -12,7 +12,6 @@ import typer
 from typer import Option
 
 from taskspec.base import __version__
-from taskspec.cli import scaffold, scoring
 from taskspec.cli.audit import audit
 from taskspec.cli.build import build
 from taskspec.cli.card import card
@@ -21,27 +20,33 @@ from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
 from taskspec.cli.docs import docs
 from taskspec.cli.exam import exam
-from taskspec.cli.exchange import export, import_
 from taskspec.cli.explain import explain
+from taskspec.cli.export import export
 from taskspec.cli.figure import figure
 from taskspec.cli.fmt import fmt
+from taskspec.cli.freeze import freeze
 from taskspec.cli.help import Command, Commands
+from taskspec.cli.import_ import import_
 from taskspec.cli.list import list_
+from taskspec.cli.lsp import lsp
+from taskspec.cli.new import new
 from taskspec.cli.options import flowed
 from taskspec.cli.play import play
 from taskspec.cli.report import report
 from taskspec.cli.run import run
-from taskspec.cli.separate import freeze, separate
+from taskspec.cli.schema import schema
+from taskspec.cli.score import score
+from taskspec.cli.separate import separate
 from taskspec.cli.show import show
+from taskspec.cli.solve import solve
+from taskspec.cli.studio import studio
 from taskspec.cli.sweep import sweep
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Read tasks": (list_, show, explain),
-    "Write tasks": (
-        scaffold.new, check, fmt, diff, build, freeze, import_, scaffold.schema, scaffold.lsp, scaffold.studio,
-    ),
+    "Write tasks": (new, check, fmt, diff, build, freeze, import_, schema, lsp, studio),
     "Run and score tasks": (
-        run, play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,
+        run, play, solve, score, sweep, exam, report, separate, audit, demos, preferences,
     ),
     "Print tasks": (export, docs, card, figure),
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -106,9 +106,8 @@ def _write(
     format: str | None,
     as_json: bool,
 ) -> None:
-    """Make data of tasks and write it, in a file each."""
     from taskspec.data import write
-    from taskspec.envs.data.datasets import format_of
+    from taskspec.envs.data.datasets import format_of, summary
     from taskspec.language.targets import beside
 
     format_of(output, format)  # a mistake is reported before the work
@@ -126,22 +125,7 @@ def _write(
         if not as_json:
             out = console()
             out.print(line((about["instance"], "name"), (f"  {about['policy']}, seed {about['seed']}", "quiet")))
-            out.print(f"  {_summary(about)}")
+            out.print(f"  {summary(about)}")
             say(f"wrote {place}")
     if as_json:
         write_records(records)
-
-
-def _summary(about: Any) -> str:
-    if about["kind"] == "demonstrations":
-        words = f"{about['transitions']:,} transitions of {about['episodes']:,} episodes"
-        if about["return"] is not None:
-            words += f"; the policy earns {about['return']['value']:.6g} ({about['return']['status']})"
-        return words
-    parts = "whole episodes"
-    if about["length"] is not None:
-        parts = f"segments of {about['length']} steps"
-    words = f"{about['shown'] - about['skipped']:,} pairs of {parts}"
-    if about["skipped"]:
-        words += f", {about['skipped']:,} skipped"
-    return f"{words}; teacher: {about['teacher']}"

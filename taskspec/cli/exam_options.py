@@ -8,11 +8,12 @@ from typing import Annotated
 from typer import Argument, Option
 
 from taskspec.cli import options
+from taskspec.cli.completions import complete_learners
 
 LearnerArgument = Annotated[
     list[str],
     Argument(
-        metavar="LEARNER...|EXPERIMENT", autocompletion=options.complete_learners,
+        metavar="LEARNER...|EXPERIMENT", autocompletion=complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "
         "[cyan]suite/name[/]: its learners, on its tasks. Several learners are compared side by side.",

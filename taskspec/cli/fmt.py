@@ -12,7 +12,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import plural
 from taskspec.base.files import write_text
 from taskspec.base.terminal import console
-from taskspec.cli import options
+from taskspec.cli.completions import complete_paths
 from taskspec.cli.console import print_diagnostics, say
 
 
@@ -22,7 +22,7 @@ def fmt(
         typer.Argument(
             metavar="FILE|FOLDER...",
             show_default=False,
-            autocompletion=options.complete_paths,
+            autocompletion=complete_paths,
             help="Specs, and folders of specs.",
         ),
     ],

@@ -1,10 +1,9 @@
-"""The arguments and options that several commands share, with their help and their shell completion."""
+"""The arguments and options that several commands share, with their help."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,125 +11,55 @@ from typer import Argument, Option
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.display import count_of, seconds_of
+from taskspec.cli.completions import complete_modifiers, complete_policies, complete_targets
 from taskspec.cli.console import misuse
-
-MAX_OFFERED = 100
-
-Completions = list[tuple[str, str]]  # what a word may go on to, each with a remark
 
 
 def flowed(doc: str) -> str:
-    """Return a docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
+    """Join the lines of each paragraph of a docstring, to be wrapped at the reader's width; indented lines stay."""
     paragraphs = inspect.cleandoc(doc).split("\n\n")
-    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
+    for i, paragraph in enumerate(paragraphs):
+        if not paragraph.startswith(" "):
+            paragraphs[i] = paragraph.replace("\n", " ")
+    return "\n\n".join(paragraphs)
 
 
 def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
-    """Return the value of an option."""
+    """Check the value of an option."""
     if value not in allowed:
-        listed = ", ".join(allowed)
-        if name == "--format":
-            code = "E726"
-        else:
-            code = "E713"
-        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed), code)
+        code = "E726" if name == "--format" else "E713"
+        raise misuse(f"{name} is one of {', '.join(allowed)}, not '{value}'", suggest(value, allowed), code)
     return value
 
 
 def split_names(texts: Sequence[str] | None) -> list[str]:
-    """Return the names in an option that may be repeated, or given with commas."""
+    """Split an option that may be repeated, or given with commas, into names."""
     return [name.strip() for text in texts or () for name in text.split(",")]
 
 
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
-    """Return the names in an option that may be repeated, or given with commas."""
+    """Split and check an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
 
 
 def count(option: str, text: str | None) -> int | None:
-    """Return a number such as 500k or 1.5M; None where none is given."""
+    """Read a number such as 500k or 1.5M."""
     if text is None:
-        found = None
-    else:
-        found = count_of(text)
-    if text is not None and found is None:
+        return None
+    number = count_of(text)
+    if number is None:
         raise misuse(f"{option} is a number such as 500k, not '{text}'")
-    return found
+    return number
 
 
 def seconds(option: str, text: str | None) -> float | None:
-    """Return a time such as 5m, 90s or 1.5h in seconds; None where none is given."""
+    """Read a time such as 5m, 90s or 1.5h, in seconds."""
     if text is None:
-        found = None
-    else:
-        found = seconds_of(text)
-    if text is not None and found is None:
+        return None
+    time = seconds_of(text)
+    if time is None:
         raise misuse(f"{option} is a time such as 5m, 90s or 1.5h, not '{text}'")
-    return found
-
-
-def starting(incomplete: str, found: Completions) -> Completions:
-    """Return the completions that begin with what is written so far."""
-    return [each for each in found if each[0].startswith(incomplete)]
-
-
-def complete_targets(incomplete: str) -> Completions:
-    """Return ids of known tasks, and specs and folders on disk."""
-    from taskspec.language import registry
-
-    known = list(registry.known().values())
-    found = starting(incomplete, [(e.id, e.path.name) for e in known])
-    if incomplete:
-        found += starting(incomplete, [(e.name, e.id) for e in known])
-    return (found + complete_paths(incomplete))[:MAX_OFFERED]
-
-
-def complete_paths(incomplete: str) -> Completions:
-    """Return specs, and folders, that a path may go on to."""
-    head, slash, tail = incomplete.rpartition("/")
-    folder = Path(head + slash or ".")
-    if not folder.is_dir():
-        return []
-    specs: Completions = []
-    folders: Completions = []
-    for path in sorted(folder.iterdir()):
-        if not path.name.startswith(tail) or (not tail and path.name.startswith(".")):
-            continue
-        if path.is_dir():
-            folders.append((f"{head}{slash}{path.name}/", "folder"))
-        elif path.suffix in (".yaml", ".yml"):
-            specs.append((f"{head}{slash}{path.name}", "spec"))
-    return specs + folders
-
-
-def complete_experiments(incomplete: str) -> Completions:
-    """Return the experiments that come with the suites, and files on disk."""
-    from taskspec.learn.experiments.experiment_file import shipped
-
-    known = [(name, path.name) for name, path in shipped().items()]
-    return starting(incomplete, known) + complete_paths(incomplete)
-
-
-def complete_learners(incomplete: str) -> Completions:
-    """Return the learners that come with the package, experiments, and files on disk."""
-    from taskspec.learn.learners import BUILT_IN
-
-    known = [(entry.name, entry.summary) for entry in BUILT_IN.values()]
-    return starting(incomplete, known) + complete_experiments(incomplete)
-
-
-def complete_modifiers(incomplete: str) -> Completions:
-    """Return `sticky=` and the others: with what they do."""
-    from taskspec.language.modifiers import MODIFIERS
-
-    return starting(incomplete, [(name + "=" * bool(e.arguments), e.doc) for name, e in MODIFIERS.items()])
-
-
-def complete_policies(incomplete: str) -> Completions:
-    """Return names of policies, and files."""
-    from taskspec.exact.policies.policy import NAMES
-
-    return starting(incomplete, list(NAMES.items())) + complete_paths(incomplete)
+    return time
 
 
 def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None:
@@ -143,7 +72,7 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
 
 
 def choices_option(*names: str, allowed: Sequence[str], help: str) -> Any:
-    """Return an option with some of the values allowed; see `checked_choices`."""
+    """Make an option with some of the values allowed; see `checked_choices`."""
     return Option(*names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed)
 
 
@@ -152,12 +81,12 @@ def formats_option(allowed: Sequence[str], help: str) -> Any:
 
 
 def folder_option(help: str) -> Any:
-    """Return the option for the folder that a command writes to."""
+    """Make the option for the folder that a command writes to."""
     return Option("--output", "--out", "-o", metavar="FOLDER", help=help, file_okay=False)
 
 
 def file_option(*names: str, help: str) -> Any:
-    """Return an option that names a file."""
+    """Make an option that names a file."""
     return Option(*names, metavar="FILE", help=help, dir_okay=False)
 
 

@@ -11,6 +11,7 @@ from typer import Argument
 from taskspec.base.files import safe_name
 from taskspec.base.terminal import console, line
 from taskspec.cli import options
+from taskspec.cli.completions import complete_experiments
 from taskspec.cli.console import say_written, write_json
 from taskspec.cli.progress import progress
 
@@ -22,7 +23,7 @@ FORMATS = ("json", "csv", "parquet", *PICTURES)
 ExperimentName = Annotated[
     str,
     Argument(
-        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=options.complete_experiments,
+        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=complete_experiments,
 
     ),
 ]  # fmt: skip

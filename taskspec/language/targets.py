@@ -6,6 +6,7 @@ A document is read once, however many tasks it defines.
 from __future__ import annotations
 
 import itertools
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -67,6 +68,33 @@ def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifi
     for values in settings(parameters):
         tasks.append(registry.load(target, variant, modifiers=modifiers, **values))
     return tasks
+
+
+GIT = "git:"
+
+
+def task_at(target: str, variant: str | None) -> Task:
+    """Load a task by its id or path, or a spec as it was at a revision.
+
+    Args:
+        target: an id, a path, or `git:REV:PATH`.
+        variant: of the spec; None for the spec itself.
+
+    Raises:
+        SpecError: E711 where git cannot give the file, E713 for another form after `git:`, or any mistake in the spec.
+    """
+    if not target.startswith(GIT):
+        return registry.load(target, variant)
+    revision, _, path = target.removeprefix(GIT).partition(":")
+    if not revision or not path or revision.startswith("-"):
+        raise spec_error("E713", f"'{target}' is not of the form git:REV:PATH", "git:HEAD~1:tasks/my.yaml")
+    try:
+        done = subprocess.run(["git", "show", f"{revision}:./{path}"], capture_output=True, text=True, check=True)
+    except FileNotFoundError:
+        raise spec_error("E711", "git is not installed") from None
+    except subprocess.CalledProcessError as error:
+        raise spec_error("E711", f"git cannot show '{target}': {error.stderr.strip()}") from None
+    return build(read_text(done.stdout, path), variant, {}, registry.suite_of(Path(path)))
 
 
 def task_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> Task:

@@ -9,8 +9,9 @@ import typer
 
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
+from taskspec.cli.completions import complete_targets
 from taskspec.cli.console import misuse
-from taskspec.cli.options import Json, Parameters, checked_choice, complete_targets, flowed
+from taskspec.cli.options import Json, Parameters, checked_choice, flowed
 from taskspec.programs.backend_table import BACKENDS, PROGRAMS
 
 VECTOR = ("auto", *BACKENDS)

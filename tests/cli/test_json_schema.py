@@ -8,8 +8,8 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from taskspec.cli.scaffold import SCAFFOLD
 from taskspec.language import source
+from taskspec.tools.authoring.scaffold import SCAFFOLD
 from tests.language.task.test_json_schema import SHIPPED, Editor, marks
 from tests.language.task.test_json_schema import editor as editor
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from taskspec.cli import options
+from taskspec.cli import completions
 from tests.shared.commands import Done
 
 # -- messages -----------------------------------------------------------------------------------------------------
@@ -79,11 +79,11 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
 
 
 def test_completion_offers_ids_and_paths() -> None:
-    assert [name for name, _ in options.complete_targets("derail/Br")] == [
+    assert [name for name, _ in completions.complete_targets("derail/Br")] == [
         "derail/Branching-v0",
         "derail/BranchingSeals-v0",
     ]
-    assert [name for name, _ in options.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
+    assert [name for name, _ in completions.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
 
 
 def test_completion_works_in_a_shell() -> None:

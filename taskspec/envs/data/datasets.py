@@ -318,3 +318,19 @@ def _nested(found: Mapping[str, Any], name: str) -> Any:
     if not parts:
         raise KeyError(name)
     return parts
+
+
+def summary(metadata: Mapping[str, Any]) -> str:
+    """Describe data in a few words: how much there is, and its policy or teacher."""
+    if metadata["kind"] == "demonstrations":
+        words = f"{metadata['transitions']:,} transitions of {metadata['episodes']:,} episodes"
+        if metadata["return"] is not None:
+            words += f"; the policy earns {metadata['return']['value']:.6g} ({metadata['return']['status']})"
+        return words
+    parts = "whole episodes"
+    if metadata["length"] is not None:
+        parts = f"segments of {metadata['length']} steps"
+    words = f"{metadata['shown'] - metadata['skipped']:,} pairs of {parts}"
+    if metadata["skipped"]:
+        words += f", {metadata['skipped']:,} skipped"
+    return f"{words}; teacher: {metadata['teacher']}"

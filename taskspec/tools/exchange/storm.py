@@ -86,6 +86,10 @@ class ComparedReturn:
         """Return whether Storm's value is ours, or lies within our bounds."""
         return self.ours.low <= self.storm <= self.ours.high
 
+    def record(self) -> dict[str, str]:
+        """Write the comparison as JSON data."""
+        return {"return": self.which, "taskspec": str(self.ours), "storm": str(self.storm), "verdict": self.verdict}
+
     @property
     def verdict(self) -> str:
         """Words for the result."""

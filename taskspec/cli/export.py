@@ -1,4 +1,4 @@
-"""`taskspec export` and `taskspec import`: tasks in the formats of other tools, and specs of what other tools have."""
+"""`taskspec export`: tasks in the formats of other tools."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from taskspec.base.columns import Columns
 from taskspec.base.files import near, write_bytes
 from taskspec.base.terminal import console
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say, write_json, write_output
+from taskspec.cli.console import misuse, say, write_json
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -22,13 +22,12 @@ if TYPE_CHECKING:
     from taskspec.language.task.task import Task
 
 FORMATS = ("umb", "gym-p", "npz")
-ExportFormat = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
-ImportFormat = Annotated[str | None, options.formats_option(FORMATS, "Format of the file; by default from its suffix.")]
+Format = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
 
 
 def export(
     task: options.TaskArgument,
-    format: ExportFormat = "umb",
+    format: Format = "umb",
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The file; standard output by default, for text.")
     ] = None,
@@ -75,12 +74,7 @@ def _verify(task: Task, model: Model, tables: FrozenTask, json: bool) -> None:
     with progress(f"{task.instance_id} by Storm"):
         rows = list(compared(model, tables))
     if json:
-        write_json(
-            [
-                {"return": row.which, "taskspec": str(row.ours), "storm": str(row.storm), "verdict": row.verdict}
-                for row in rows
-            ]
-        )
+        write_json([row.record() for row in rows])
     else:
         table = Columns("return", "taskspec", "Storm", "", styles=("name",), fold=(2,))
         for row in rows:
@@ -88,28 +82,3 @@ def _verify(task: Task, model: Model, tables: FrozenTask, json: bool) -> None:
         console(wide=True).print(table)
     if not all(row.agrees for row in rows):
         raise typer.Exit(1)
-
-
-def import_(
-    source: Annotated[str, Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P.")],
-    format: ImportFormat = None,
-    output: Annotated[
-        Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
-    ] = None,
-    name: Annotated[str | None, Option("--name", help="Name of the task.")] = None,
-    horizon: Annotated[
-        int | None, Option("--horizon", min=1, help="Steps of an episode, where the source has none.")
-    ] = None,
-) -> None:
-    """Write a spec of a finite task that another tool has: UMB, arrays, or Gymnasium's table P.
-
-    The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
-    an environment is made by [green]gymnasium.make[/].
-    """
-    from taskspec.exact.tables.spec_text import spec_text
-    from taskspec.tools.exchange.importing import imported
-
-    task = imported(source, format, name, horizon)
-    write_output(spec_text(task), output)
-    for remark in task.remarks:
-        say(f"  {remark}", err=True)
