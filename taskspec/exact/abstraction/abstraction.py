@@ -39,15 +39,17 @@ class Abstraction:
     nodes: tuple[Expression, ...]
 
     def map(self, state: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the mapped state, (*shape, lanes)."""
+        """Map states, (*shape, lanes) by component, to states of the stand-in, (*shape, lanes) by component."""
         lanes = next(iter(state.values())).shape[-1]
         values = evaluate(self.nodes, reads_of(state, {}, 0))
-        names = all_names(self.stand_in.state)
-        return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
+        mapped = {}
+        for name, value in zip(all_names(self.stand_in.state), values, strict=True):
+            mapped[name] = np.broadcast_to(value, (*value.shape[:-1], lanes))
+        return mapped
 
 
 def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
-    """Return the exact model of a finite task, or of its abstraction if the spec gives one: the model behind its scores.
+    """Extract the exact model of a finite task, or of its abstraction if the spec gives one: the model behind its scores.
 
     Args:
         task: the task, its id or its path.
@@ -55,16 +57,21 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
             all if that is cheap.
         limit: non-zeros that the matrices may have, 12 bytes each; checked, like the time, in advance.
 
+    Returns:
+        the model: sparse transition probabilities and expected rewards, float64, for S states and A actions.
+
     Raises:
-        SpecError: (E712) when the task is not finite or too large.
+        SpecError: E712 where the task is not finite, or too large.
     """
     task = load(task)
-    found = abstraction(task)
-    return model_of(task if found is None else found.stand_in, reachable, limit)
+    declared = abstraction(task)
+    if declared is not None:
+        task = declared.stand_in
+    return model_of(task, reachable, limit)
 
 
 def abstraction(task: Task) -> Abstraction | None:
-    """Return the abstraction that a task declares, or None."""
+    """Build the abstraction that a task declares; None without one."""
     if task.annotations.memory is not None or task.annotations.remembers:  # the map does not read the memory
         task = task.with_annotations(expert=None, memory=None)
     written = written_in(task, "abstraction")
@@ -78,20 +85,30 @@ def abstraction(task: Task) -> Abstraction | None:
         return None
     checker = Checker(task.new_builder(), Collector())
     visible = scope(task, "abstraction")
-    nodes = [assign(checker, written[c.name], visible, c) for c in stand_in.state if c.name in written]
-    found = tuple(n for n in nodes if n is not None)
-    if len(found) == len(stand_in.state):
-        return Abstraction(task, stand_in, found)
-    return None
+    nodes = []
+    for c in stand_in.state:
+        if c.name not in written:
+            return None
+        node = assign(checker, written[c.name], visible, c)
+        if node is None:
+            return None
+        nodes.append(node)
+    return Abstraction(task, stand_in, tuple(nodes))
 
 
 def in_words(components: Iterable[Component], values: Mapping[str, Array], lane: int | None = None) -> str:
-    """Return values of some components in words, as `x = 2, y = 0`; those of a lane if they have a batch axis."""
-    found = []
+    """Write values of components in words, as `x = 2, y = 0`.
+
+    Args:
+        components: in this order; those without a value are left out.
+        values: by name, (*shape) or (*shape, lanes).
+        lane: the lane to be written, where values have a batch axis.
+    """
+    words = []
     for c in components:
         if c.name in values:
             value = values[c.name]
             if lane is not None:
                 value = value[..., lane]
-            found.append(f"{c.name} = {shown(c, value)}")
-    return ", ".join(found)
+            words.append(f"{c.name} = {shown(c, value)}")
+    return ", ".join(words)

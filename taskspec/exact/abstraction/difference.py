@@ -90,12 +90,20 @@ class TaskRelation:
 
 
 def compare(a: Task, b: Task) -> TaskRelation:
-    """Return the relation of two tasks."""
-    found = _compared(a, b)
+    """Compare two tasks in meaning: exactly if both are finite, otherwise in episodes with the same random words.
+
+    Args:
+        a: a task.
+        b: another task, or another version of the same one.
+
+    Returns:
+        their relation, with the first difference by name where there is one.
+    """
+    relation = _compared(a, b)
     if a.name != b.name:
-        return found
-    is_same = found.relation in ("identical", "same task") and not _other_spaces(a, b)
-    return replace(found, new_version=not is_same)
+        return relation
+    is_same = relation.relation in ("identical", "same task") and not _other_spaces(a, b)
+    return replace(relation, new_version=not is_same)
 
 
 def _compared(a: Task, b: Task) -> TaskRelation:
@@ -124,7 +132,7 @@ def _compared(a: Task, b: Task) -> TaskRelation:
 
 
 def _other_spaces(a: Task, b: Task) -> str:
-    """Return which space differs, in words; empty where none does."""
+    """Name the space that differs, in words; empty where none does."""
     if space(a.observation_layout) != space(b.observation_layout):
         return "the observation space is another one"
     if space(a.action_layout) != space(b.action_layout):
@@ -149,10 +157,9 @@ class NamedSteps:
         self._steps = Steps(task, as_paid=True)
         if math.isinf(self._steps.branching):
             self._steps = Steps(task)
+        self.times = 1
         if self._steps.uses_time:
             self.times = task.horizon or 1
-        else:
-            self.times = 1
         if self.model.n_states * self.model.n_actions * self._steps.branching * self.times > MOST_OUTCOMES:
             refuse("there are too many steps to compare")
         if not task.observation.is_state and math.isinf(outcome_count(task.observation.nodes)):
@@ -170,37 +177,43 @@ class NamedSteps:
         self.observed(0)
 
     def rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
-        """Return the outcomes (next state, reward, end) of each state and action at a time, with their probabilities."""
+        """Probabilities of the outcomes (next state, reward, end) at a time, by state and action."""
         return self._rows_at(min(t, self.times - 1))
 
     def _rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
         steps = self._steps.table(self.model.codes, t, self._numbers).by_step(len(self.names))
-        return [[steps.get((s, a), {}) for a in range(len(self.actions))] for s in range(len(self.names))]
+        rows = []
+        for s in range(len(self.names)):
+            rows.append([steps.get((s, a), {}) for a in range(len(self.actions))])
+        return rows
 
     def observed(self, t: int) -> list[Hashable]:
-        """Return what is observed in each state at a time, with probabilities where it is drawn."""
+        """Observation in each state at a time; the distribution of it where it is drawn."""
         return self._observed_at(min(t, self.times - 1))
 
     def _observed(self, t: int) -> list[Hashable]:
         observation = self.task.observation
         if observation.is_state:
             return self.names
-        found: list[Counter[Hashable]] = [Counter() for _ in self.names]
+        distributions: list[Counter[Hashable]] = [Counter() for _ in self.names]
         for values, state, p in joint_outcomes(observation.nodes, self.model.reads(t), len(self.names), self._numbers):
             flat = np.vstack([value.reshape(-1, len(state)) for value in values])
             for s, value, weight in zip(state.tolist(), flat.T.tolist(), p.tolist(), strict=True):
-                found[s][tuple(value)] += weight
-        return [frozenset(each.items()) for each in found]
+                distributions[s][tuple(value)] += weight
+        return [frozenset(distribution.items()) for distribution in distributions]
 
     def legal(self, s: int) -> list[Hashable]:
-        """Return the legal actions in a state."""
+        """Legal actions in a state."""
         if self.model.legal is None:
             return self.actions
         return [self.actions[a] for a in np.flatnonzero(self.model.legal[:, s])]
 
     def named(self, t: int, s: int, a: int) -> dict[Any, Fraction]:
-        """Return the outcomes of a step with the names of states."""
-        return {(self.names[to], reward, ends): p for (to, reward, ends), p in self.rows(t)[s][a].items()}
+        """Probabilities of the outcomes of a step, with the names of next states."""
+        outcomes = {}
+        for (to, reward, ends), p in self.rows(t)[s][a].items():
+            outcomes[self.names[to], reward, ends] = p
+        return outcomes
 
 
 def _name(values: Mapping[str, Any]) -> Hashable:
@@ -208,7 +221,7 @@ def _name(values: Mapping[str, Any]) -> Hashable:
 
 
 def shown(name: Any) -> str:
-    """Return a name in words: `x = 2, y = 0`."""
+    """Write a name in words: `x = 2, y = 0`."""
     return ", ".join(f"{key} = {value}" for key, value in name)
 
 
@@ -225,7 +238,10 @@ def _with_chance(words: str, p: Fraction) -> str:
 def _outcome_words(outcomes: Mapping[Any, Fraction]) -> str:
     parts = []
     for (name, reward, ends), p in sorted(outcomes.items(), key=lambda item: (-item[1], repr(item[0]))):
-        parts.append(_with_chance(f"{shown(name)}, reward {decimal(reward)}{', end' * ends}", p))
+        words = f"{shown(name)}, reward {decimal(reward)}"
+        if ends:
+            words += ", end"
+        parts.append(_with_chance(words, p))
     return _few(parts, 4)
 
 
@@ -234,7 +250,8 @@ def _action_words(names: Sequence[Any]) -> str:
 
 
 def _start_words(starts: Mapping[Any, Fraction]) -> str:
-    return f"starts in {_few([_with_chance(shown(name), p) for name, p in starts.items()], 4)}"
+    states = [_with_chance(shown(name), p) for name, p in starts.items()]
+    return f"starts in {_few(states, 4)}"
 
 
 def _seen_words(label: Any) -> str:
@@ -247,31 +264,37 @@ def _seen_words(label: Any) -> str:
 
 
 def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | None:
-    """Return the first difference, in order of time; it is shown by the shortest actions."""
+    """Search for a difference in order of time; the shortest actions show it."""
     if one.actions != other.actions:
-        return FirstDifference((), 0, None, None, *map(_action_words, (one.actions, other.actions)))
+        return FirstDifference((), 0, None, None, _action_words(one.actions), _action_words(other.actions))
     if one.named_start != other.named_start:
-        return FirstDifference((), 0, None, None, *map(_start_words, (one.named_start, other.named_start)))
+        return FirstDifference((), 0, None, None, _start_words(one.named_start), _start_words(other.named_start))
     if one.task.discount != other.task.discount:
-        return FirstDifference((), 0, None, None, *(f"discount {x.task.discount:g}" for x in (one, other)))
-    horizons = (one.task.horizon, other.task.horizon)
-    last = min((h for h in horizons if h is not None), default=math.inf)
-    is_alike = horizons[0] == horizons[1]
+        discounts = (f"discount {one.task.discount:g}", f"discount {other.task.discount:g}")
+        return FirstDifference((), 0, None, None, *discounts)
+    is_alike = one.task.horizon == other.task.horizon
+    last = min(one.task.horizon or math.inf, other.task.horizon or math.inf)
     level: dict[int, tuple[str, ...]] = dict.fromkeys(one.start, ())
     seen: set[int] = set()
     t = 0
     while level and t <= last:
         if t == last and not is_alike:
-            words = [f"truncated after {h} steps" if h is not None else "no horizon" for h in horizons]
-            return FirstDifference(next(iter(level.values())), t, None, None, *words)
+            path = next(iter(level.values()))
+            return FirstDifference(path, t, None, None, _end_words(one.task.horizon), _end_words(other.task.horizon))
         if is_alike and one.times == other.times == 1:
             level = {s: path for s, path in level.items() if s not in seen}
             seen |= set(level)
-        found, level = _level(one, other, t, level, t < last)
-        if found is not None:
-            return found
+        difference, level = _level(one, other, t, level, t < last)
+        if difference is not None:
+            return difference
         t += 1
     return None
+
+
+def _end_words(horizon: int | None) -> str:
+    if horizon is None:
+        return "no horizon"
+    return f"truncated after {horizon} steps"
 
 
 def _level(
@@ -281,17 +304,25 @@ def _level(
     for s, path in level.items():
         same = other.index[one.names[s]]
         state = shown(one.names[s])
-        seen = (one.observed(t)[s], other.observed(t)[same])
-        if seen[0] != seen[1]:
-            return FirstDifference(path, t, state, None, *(f"observed {_seen_words(x)}" for x in seen)), {}
-        legal = (one.legal(s), other.legal(same))
-        if acts and legal[0] != legal[1]:
-            return FirstDifference(path, t, state, None, *(f"legal {_action_words(x)}" for x in legal)), {}
-        for a, action in enumerate(one.actions if acts else ()):
-            steps = (one.named(t, s, a), other.named(t, same, a))
+        seen = one.observed(t)[s]
+        other_seen = other.observed(t)[same]
+        if seen != other_seen:
+            words = (f"observed {_seen_words(seen)}", f"observed {_seen_words(other_seen)}")
+            return FirstDifference(path, t, state, None, *words), {}
+        if not acts:
+            continue
+        legal = one.legal(s)
+        other_legal = other.legal(same)
+        if legal != other_legal:
+            words = (f"legal {_action_words(legal)}", f"legal {_action_words(other_legal)}")
+            return FirstDifference(path, t, state, None, *words), {}
+        for a, action in enumerate(one.actions):
+            outcomes = one.named(t, s, a)
+            other_outcomes = other.named(t, same, a)
             here = (*path, shown(action))
-            if steps[0] != steps[1]:
-                return FirstDifference(here, t, state, shown(action), *map(_outcome_words, steps)), {}
+            if outcomes != other_outcomes:
+                words = (_outcome_words(outcomes), _outcome_words(other_outcomes))
+                return FirstDifference(here, t, state, shown(action), *words), {}
             for to, _, ends in one.rows(t)[s][a]:
                 if not ends:
                     following.setdefault(to, here)
@@ -302,8 +333,9 @@ def _level(
 
 
 def _renaming(one: NamedSteps, other: NamedSteps) -> str | None:
-    """Return a renaming of states and actions after which tasks are the same, in words; None where none was found."""
-    a, b = one.task, other.task
+    """Search for a renaming of states and actions after which the tasks are the same, in words."""
+    a = one.task
+    b = other.task
     times = max(one.times, other.times)
     is_large = times * (len(one.names) + len(other.names)) > MOST_OUTCOMES
     if a.horizon != b.horizon or a.discount != b.discount or len(one.actions) != len(other.actions) or is_large:
@@ -319,7 +351,8 @@ def _renaming(one: NamedSteps, other: NamedSteps) -> str | None:
         if times == 1:
             classes = levels(_joined(one, other, order, 0), labels, a.horizon)[-1]
         else:
-            classes = classes_from((_joined(one, other, order, t) for t in reversed(range(times))), labels)
+            backwards = (_joined(one, other, order, t) for t in reversed(range(times)))
+            classes = classes_from(backwards, labels)
         if _merged(one.start, classes, 0) == _merged(other.start, classes, n):
             return _renamed(one, other, classes, order)
     return None
@@ -329,30 +362,35 @@ def _joined(one: NamedSteps, other: NamedSteps, order: Sequence[int], t: int) ->
     n = len(one.names)
     rows = list(one.rows(t))
     for by_action in other.rows(t):
-        moved = [{(to + n, r, ends): p for (to, r, ends), p in outcomes.items()} for outcomes in by_action]
-        rows.append([moved[a] for a in order])
+        reordered = []
+        for a in order:
+            moved = {(to + n, reward, ends): p for (to, reward, ends), p in by_action[a].items()}
+            reordered.append(moved)
+        rows.append(reordered)
     return rows
 
 
 def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> dict[int, Fraction]:
-    found: dict[int, Fraction] = defaultdict(Fraction)
+    by_class: dict[int, Fraction] = defaultdict(Fraction)
     for s, p in start.items():
-        found[classes[s + shift]] += p
-    return found
+        by_class[classes[s + shift]] += p
+    return by_class
 
 
 def _renamed(one: NamedSteps, other: NamedSteps, classes: Sequence[int], order: Sequence[int]) -> str:
-    first = {classes[s + len(one.names)]: name for s, name in enumerate(other.names)}
-    states = [(name, first[classes[s]]) for s, name in enumerate(one.names) if classes[s] in first]
-    actions = [(one.actions[a], other.actions[b]) for a, b in enumerate(order)]
-    return _few([f"{shown(x)} is {shown(y)}" for x, y in (*actions, *states) if x != y], 6)
+    pairs = [(one.actions[a], other.actions[b]) for a, b in enumerate(order)]
+    of_class = {classes[s + len(one.names)]: name for s, name in enumerate(other.names)}
+    for s, name in enumerate(one.names):
+        if classes[s] in of_class:
+            pairs.append((name, of_class[classes[s]]))
+    return _few([f"{shown(x)} is {shown(y)}" for x, y in pairs if x != y], 6)
 
 
 # -- other rewards ----------------------------------------------------------------------------------------------------
 
 
 def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference) -> TaskRelation:
-    """Return the relation of tasks that differ by name: by their rewards and optimal policies, where states are the same."""
+    """Compare rewards and optimal policies of tasks with the same states."""
     if one.index.keys() != other.index.keys() or one.actions != other.actions or one.task.horizon != other.task.horizon:
         return TaskRelation("different", "they differ in more than rewards", difference)
     where = np.array([other.index[name] for name in one.names])
@@ -371,9 +409,8 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
     if all(_moves(one, t) == _moves(other, t) for t in times):
         factor = _factor(_advantages(solvers, where, acting, is_random=True))
         if factor is not None:
-            if factor == 1:
-                scale = ""
-            else:
+            scale = ""
+            if factor != 1:
                 scale = f" times {decimal(float(factor))}"
             if all(_is_scaled(one, other, where, t, float(factor)) for t in times):
                 return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
@@ -390,14 +427,14 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
 
 
 def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
-    found: dict[Hashable, dict[Hashable, Fraction]] = {}
+    moves: dict[Hashable, dict[Hashable, Fraction]] = {}
     for s in np.flatnonzero(x.model.acting).tolist():
         for a in range(len(x.actions)):
             merged: dict[Hashable, Fraction] = defaultdict(Fraction)
             for (name, _, ends), p in x.named(t, s, a).items():
                 merged[name, ends] += p
-            found[x.names[s], a] = merged
-    return found
+            moves[x.names[s], a] = merged
+    return moves
 
 
 def _advantages(
@@ -427,16 +464,19 @@ def _plain(x: Scaled | Bound) -> Array:
 
 
 def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
-    """Return the positive number that turns first arrays into second ones; None where there is none, 1 where all are 0."""
+    """Positive number that turns first arrays into second ones; None where there is none, 1 where all are 0."""
     factor: Any = None
     for mine, theirs in pairs:
-        size = max(EQUAL, *(EQUAL * float(abs(x).max(initial=0)) for x in (mine, theirs)))
+        largest_value = max(abs(mine).max(initial=0), abs(theirs).max(initial=0))
+        size = max(EQUAL, EQUAL * float(largest_value))
         largest = np.unravel_index(int(abs(mine).argmax()), mine.shape)
         if factor is None and abs(mine[largest]) > size:
             factor = theirs[largest] / mine[largest]
         if (factor is not None and factor <= 0) or (abs(theirs - (factor or 0) * mine) > size).any():
             return None
-    return 1 if factor is None else factor
+    if factor is None:
+        return 1
+    return factor
 
 
 def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float) -> bool:
@@ -449,9 +489,12 @@ def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor:
 # -- tasks that are not finite ----------------------------------------------------------------------------------------
 
 
+def _components(task: Task) -> list[Any]:
+    return [(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)]
+
+
 def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
-    kinds = [[(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)] for task in (a, b)]
-    if kinds[0] != kinds[1]:
+    if _components(a) != _components(b):
         return TaskRelation("different", f"states or actions have other components or bounds; {reason}")
     if (a.horizon, a.discount) != (b.horizon, b.discount):
         return TaskRelation("different", f"the horizon or the discount is another one; {reason}")
@@ -474,34 +517,51 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
     for t in range(steps + 1):
         wrong = np.flatnonzero(alive & (seen[0] != seen[1]).any(axis=0))
         if len(wrong):
-            path = []
-            for action in actions:
-                path.append(", ".join(f"{name} = {_numbers(value[..., wrong[0]])}" for name, value in action.items()))
-            first, second = (f"state, observation, reward, end: {_numbers(x[:, wrong[0]])}" for x in seen)
-            is_drawn = a.process.reset_draws or a.process.step_draws
-            drawn = "; they draw, so that other random words may explain it" if is_drawn else ""
-            words = f"episodes with the same random words part{drawn}; {reason}"
-            return TaskRelation("different", words, FirstDifference(tuple(path), t, None, None, first, second))
+            return _parted(a, actions, seen, int(wrong[0]), reason)
         if t == steps or not alive.any():
             break
         actions.append(choose(states[0], t, rng))
         moved = [run.step(state, actions[-1], t) for run, state in zip(runs, states, strict=True)]
         states = [each.state for each in moved]
-        seen = [_stacked(x, m.state, t + 1, watched, m.reward, m.terminal) for x, m in zip((a, b), moved, strict=True)]
+        seen = []
+        for task, step in zip((a, b), moved, strict=True):
+            seen.append(_stacked(task, step.state, t + 1, watched, step.reward, step.terminal))
         alive &= ~moved[0].terminal.astype(np.bool_)
     words = f"{LANES} episodes of random actions with the same random words are the same for {t} steps; {reason}"
     return TaskRelation("no difference found", words)
+
+
+def _parted(
+    task: Task, actions: Sequence[Mapping[str, Array]], seen: Sequence[Array], lane: int, reason: str
+) -> TaskRelation:
+    path = tuple(_taken(action, lane) for action in actions)
+    values = [f"state, observation, reward, end: {_numbers(each[:, lane])}" for each in seen]
+    drawn = ""
+    if task.process.reset_draws or task.process.step_draws:
+        drawn = "; they draw, so that other random words may explain it"
+    words = f"episodes with the same random words part{drawn}; {reason}"
+    return TaskRelation("different", words, FirstDifference(path, len(actions), None, None, *values))
+
+
+def _taken(action: Mapping[str, Array], lane: int) -> str:
+    return ", ".join(f"{name} = {_numbers(value[..., lane])}" for name, value in action.items())
 
 
 def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) -> Array:
     parts = [*state.values(), *others]
     if watched:
         parts += evaluate(task.observation.nodes, reads_of(state, {}, t))
-    return np.vstack([np.broadcast_to(v, (*v.shape[:-1], LANES)).reshape(-1, LANES).astype(float) for v in parts])
+    rows = []
+    for value in parts:
+        lanes = np.broadcast_to(value, (*value.shape[:-1], LANES))
+        rows.append(lanes.reshape(-1, LANES).astype(float))
+    return np.vstack(rows)
 
 
 def _numbers(values: Array) -> str:
-    found = [decimal(float(v), 6) for v in np.ravel(values)[:8]]
-    if len(found) == 1:
-        return found[0]
-    return f"[{', '.join(found)}{', ...' * (np.size(values) > 8)}]"
+    texts = [decimal(float(value), 6) for value in np.ravel(values)[:8]]
+    if len(texts) == 1:
+        return texts[0]
+    if np.size(values) > 8:
+        texts.append("...")
+    return f"[{', '.join(texts)}]"

@@ -44,49 +44,56 @@ class SymmetryCheck:
         return self.problem is None and not self.points
 
     def record(self) -> dict[str, Any]:
-        """Return it as plain data for JSON."""
-        status = "false"
-        if self.problem is None:
-            if self.is_proved:
-                status = "proved"
-            else:
-                status = "tested"
+        """Write the result as JSON data."""
+        status = "tested"
+        if self.problem is not None:
+            status = "false"
+        elif self.is_proved:
+            status = "proved"
         return {"symmetry": self.symmetry.name, "status": status, "detail": self.problem or "", "points": self.points}
 
 
 def verify_symmetry(task: Task, symmetry: Symmetry) -> SymmetryCheck:
-    """Prove that a symmetry keeps returns, or test it."""
+    """Prove that a symmetry keeps returns, or test it.
+
+    Args:
+        task: the task that declares it.
+        symmetry: a map of observations and actions.
+    """
     problem = _of_actions(task, symmetry)
+    if problem is not None or not symmetry.observation:
+        return SymmetryCheck(symmetry, 0, problem)
     points = 0
-    for part in parts(Role.NEXT, symmetry.seen, symmetry.observation) if symmetry.observation else ():
-        if problem is not None:
-            break
+    for part in parts(Role.NEXT, symmetry.seen, symmetry.observation):
         clash = part.clash()
         if clash is not None:
             problem = f"{in_words(symmetry.seen, clash[0])} and {in_words(symmetry.seen, clash[1])} look alike"
         elif not part.is_decided:
             problem = _returning(symmetry, part)
             points = SAMPLES
+        if problem is not None:
+            break
     return SymmetryCheck(symmetry, points, problem)
 
 
 def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
-    """Return a problem with the map of the actions, or None."""
-    for part in parts(Role.ACTION, task.action, symmetry.action, is_tied=True) if symmetry.action else ():
+    if not symmetry.action:
+        return None
+    for part in parts(Role.ACTION, task.action, symmetry.action, is_tied=True):
         if not part.is_decided:
             names = " and ".join(f"'{c.name}'" for c in part.inputs)
             return f"what it does to {names} is more than to move elements about, and there are too many values to try"
-        found = outside(part)
+        pair = outside(part)
         clash = part.clash()
-        if found is not None:
-            return f"the action {in_words(task.action, found[0])} becomes {in_words(task.action, found[1])}, where actions end"
+        if pair is not None:
+            return f"the action {in_words(task.action, pair[0])} becomes {in_words(task.action, pair[1])}, where actions end"
         if clash is not None:
             return f"{in_words(task.action, clash[0])} and {in_words(task.action, clash[1])} become the same action"
     return None
 
 
 def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
-    """Return the reason for which a part of a map of observations may not be one-to-one; None if random points return."""
+    """Apply a part of a map of observations repeatedly to random points: a problem, or None if all of them return."""
     nodes: dict[str, Expression] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
     names = all_names(part.inputs)
     if not names:

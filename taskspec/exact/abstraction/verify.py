@@ -47,29 +47,34 @@ class AbstractionCheck:
         return self.problem is None and self.why_not is None
 
 
-def verify(found: Abstraction) -> AbstractionCheck:
-    """Prove an abstraction, or say why it cannot be proved."""
+def verify(abstraction: Abstraction) -> AbstractionCheck:
+    """Prove an abstraction, or say why it cannot be proved.
+
+    Args:
+        abstraction: a task, its stand-in, and the map of states.
+    """
     try:
-        return _verified(found)
+        return _verified(abstraction)
     except (Unfactored, Uncompared, Refused) as error:
         return AbstractionCheck(why_not=str(error))
     except SpecError as error:
         return AbstractionCheck(why_not=error.diagnostics[0].message)
 
 
-def _verified(found: Abstraction) -> AbstractionCheck:
-    """Return the result of a proof; an expert that depends on more than the mapped state is left out."""
-    if found.task.is_finite:
-        task = found.task
-        nodes = found.nodes
-    else:
-        task = factored(found.task, found.stand_in, found.nodes)
+def _verified(abstraction: Abstraction) -> AbstractionCheck:
+    """Compare the models; an expert that depends on more than the mapped state is left out."""
+    task = abstraction.task
+    stand_in = abstraction.stand_in
+    nodes = abstraction.nodes
+    if not task.is_finite:
+        task = factored(task, stand_in, nodes)
         nodes = tuple(c.value for c in task.state)
     whole = extract(task, True, MOST_ENTRIES)
-    other = extract(found.stand_in, True, MOST_ENTRIES)
-    has_expert = isinstance(task.annotations.expert, tuple) and isinstance(found.stand_in.annotations.expert, tuple)
+    other = extract(stand_in, True, MOST_ENTRIES)
+    has_expert = isinstance(task.annotations.expert, tuple) and isinstance(stand_in.annotations.expert, tuple)
     problem = difference(whole, nodes, other, has_expert)
-    return AbstractionCheck(problem, None, has_expert or not isinstance(found.task.annotations.expert, tuple))
+    is_needed = isinstance(abstraction.task.annotations.expert, tuple)
+    return AbstractionCheck(problem, None, has_expert or not is_needed)
 
 
 MOST = 400_000
@@ -78,21 +83,29 @@ MOST_ENTRIES = 2_000_000
 
 
 class Uncompared(Exception):
-    """The models could not be compared: a few words that say why."""
+    """The models could not be compared; the message is the reason."""
 
 
 def difference(
     whole: Model, nodes: Sequence[Expression], other: Model, with_expert: bool, as_paid: bool = False
 ) -> str | None:
-    """Return a difference between a model and the one that its states are mapped to; None if there is none.
+    """Search for a difference between a model and the model that its states are mapped to.
 
     Args:
+        whole: the first model.
         nodes: the mapped state, as expressions over the state of the first model.
+        other: the second model.
         with_expert: whether the experts, given by expressions, are compared as well.
         as_paid: whether the distributions of rewards have to be the same, instead of their expectations.
+
+    Returns:
+        the difference in words; None if there is none.
+
+    Raises:
+        Uncompared: there are too many steps, or probabilities that are no rationals.
     """
     try:
-        return _Comparison(whole, nodes, other, as_paid).found(with_expert)
+        return _Comparison(whole, nodes, other, as_paid).problem(with_expert)
     except Inexact:
         raise Uncompared("probabilities are no rational numbers") from None
 
@@ -113,12 +126,11 @@ class _Comparison:
             missing |= outside
         self.mapped = np.where(missing, -1, index)
 
-    def found(self, with_expert: bool) -> str | None:
+    def problem(self, with_expert: bool) -> str | None:
         is_timed = self.steps.uses_time or self.other_steps.uses_time
+        times = 1
         if is_timed:
             times = self.whole.horizon or 1
-        else:
-            times = 1
         for model, steps in ((self.whole, self.steps), (self.other, self.other_steps)):
             if model.n_states * model.n_actions * steps.branching * times > MOST:
                 raise Uncompared("there are too many steps to compare")
@@ -126,10 +138,10 @@ class _Comparison:
         if nowhere.any():
             state = self.whole.state_name(int(np.flatnonzero(nowhere)[0]))
             return f"{state} is mapped to a state that the abstraction is never in"
-        problem = self._starts() or self._steps(is_timed)
-        if problem is None and with_expert:
-            problem = self._experts()
-        return problem
+        different = self._starts() or self._steps(is_timed)
+        if different is None and with_expert:
+            different = self._experts()
+        return different
 
     def _starts(self) -> str | None:
         codes, weight = self.steps.starts(self.numbers)
@@ -155,14 +167,14 @@ class _Comparison:
             row = own.differs(others, rows, action * self.other.n_states + self.mapped[state])
             if row is not None:
                 a, s = divmod(row, whole.n_states)
-                at = f" at t = {t}" if is_timed else ""
-                where = f"in {whole.state_name(s)} with {whole.action_name(a)}{at}"
+                where = f"in {whole.state_name(s)} with {whole.action_name(a)}"
+                if is_timed:
+                    where += f" at t = {t}"
                 return f"{where} it gives another reward, end or next state, or with another probability"
         return None
 
     def _experts(self) -> str | None:
-        nodes = [node for model in (self.whole, self.other) for node in _expert(model)]
-        for t, acting in self._levels(reads_time(nodes)):
+        for t, acting in self._levels(reads_time([*_expert(self.whole), *_expert(self.other)])):
             own = _of_expert(self.whole, t, self.numbers)
             others = _of_expert(self.other, t, self.numbers)
             rows = np.flatnonzero(acting)
@@ -172,7 +184,7 @@ class _Comparison:
         return None
 
     def _levels(self, is_timed: bool) -> Iterator[tuple[int, Array]]:
-        """Return times, and the states (S,) in which episodes act then; a single time if the time does not matter."""
+        """List times with the states (S,) in which episodes act then; a single time if the time does not matter."""
         if is_timed:
             return self.whole.levels()
         return iter([(0, self.whole.acting)])
@@ -197,7 +209,7 @@ class _Rows:
         return cls(np.searchsorted(row, np.arange(rows + 1)), to, ends, reward, weight)
 
     def differs(self, others: _Rows, rows: Array, theirs: Array) -> int | None:
-        """Return the first of some rows whose outcomes differ from those of a row of others."""
+        """First of some rows whose outcomes differ from the outcomes of the matching row of others; None if all agree."""
         counts = np.diff(self.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
         if not apart.any():
@@ -213,9 +225,9 @@ class _Rows:
 
 
 def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: ExactProbabilities) -> _Rows:
-    found = steps.table(model.codes, t, numbers)
+    table = steps.table(model.codes, t, numbers)
     rows = model.n_states * model.n_actions
-    return _Rows.merged(found.row, mapped[found.column], found.ends, found.reward, found.weight, rows)
+    return _Rows.merged(table.row, mapped[table.column], table.ends, table.reward, table.weight, rows)
 
 
 def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
