@@ -17,7 +17,7 @@ from taskspec.language.task.record import record
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.task import Task
 from taskspec.programs.scalar import compile_scalar
-from taskspec.show.pages.facts import Facts, gather
+from taskspec.show.pages import facts
 from taskspec.show.pages.write import gather_pages, write_pages
 
 DOCS = {
@@ -31,7 +31,7 @@ class TaskResults:
     """Facts for pages, and scores, by id of the task, gathered from reports: one exact model is held at a time."""
 
     def __init__(self) -> None:
-        self.facts: dict[str, Facts] = {}
+        self.facts: dict[str, facts.Facts] = {}
         self.scores: dict[str, Any] = {}
         self.problems: list[Diagnostic] = []  # why tasks have no scores
 
@@ -42,7 +42,7 @@ class TaskResults:
         task = report.task
         tell(f"scores of {task.id}")
         try:
-            self.facts[task.id] = gather(report)
+            self.facts[task.id] = facts.gather(report)
             self.scores[task.id] = scores(report.results).record()
         except SpecError as error:
             self.problems += error.diagnostics
