@@ -282,9 +282,10 @@ def test_a_report_says_everything() -> None:
     found = exact.check(shipped("branching"))
     assert found.diagnostics == ()
     assert found.method.exact
-    assert len(found.cases) == 4
+    assert len(found.coverage.cases) == 4
     assert all(v.status == "proved" for v in found.verdicts)
-    assert (found.coverage.untried, found.coverage.untried_cases, found.coverage.untried_claims) == ((), 0, 0)
+    coverage = found.coverage
+    assert (coverage.untried, coverage.untried_cases, coverage.untried_claims) == ((), 0, 0)
 
 
 # -- compiled sweeps and the benchmark ------------------------------------------------------------
