@@ -75,7 +75,7 @@ FileCheck = tuple["Path", Callable[[], FileReport]]  # a file, and what checks i
 
 
 def run_checks(checks: Sequence[FileCheck], jobs: int | None = None) -> list[FileReport]:
-    """Return the reports of checks, in order.
+    """Run checks of files, and return their reports in order.
 
     Args:
         checks: one for each file.
@@ -110,12 +110,15 @@ def check_file(file: File, prove: Callable[[Task], Report]) -> FileReport:
     except SpecError as error:
         return FileReport(path, (), error.diagnostics)
     checked = [check_task(file, variant, prove) for variant in variants]
-    accepted = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.accepted}
-    needed = {a.place for a in accepted.values()}
+    accepted = {}
+    for task in checked:
+        for each in task.accepted:
+            accepted[each.warning.code, each.place.line, each.place.column] = each
+    needed = {each.place for each in accepted.values()}
     tasks = []
-    for each in checked:  # without W511 for an entry of `accept` that another task, which shares it, needs
-        left = tuple(d for d in each.diagnostics if d.code != "W511" or d.span not in needed)
-        tasks.append(replace(each, diagnostics=left))
+    for task in checked:  # without W511 for an entry of `accept` that another task, which shares it, needs
+        left = tuple(d for d in task.diagnostics if d.code != "W511" or d.span not in needed)
+        tasks.append(replace(task, diagnostics=left))
     return FileReport(path, tuple(tasks), once(tasks), tuple(accepted.values()))
 
 
@@ -135,8 +138,10 @@ def check_task(file: File, variant: str | None, prove: Callable[[Task], Report])
         report = prove(task)
     except SpecError as error:  # of one task, so that the others are still looked at
         place = task.source.document.span(("name",))
-        placed = in_order([d if d.span is not None else replace(d, span=place) for d in error.diagnostics])
-        return Checked(task.name, variant, placed, "given up", time.perf_counter() - start, task.id, task)
+        placed = []
+        for diagnostic in error.diagnostics:
+            placed.append(replace(diagnostic, span=diagnostic.span or place))
+        return Checked(task.name, variant, in_order(placed), "given up", time.perf_counter() - start, task.id, task)
     return Checked(
         name=task.name,
         variant=variant,
@@ -162,7 +167,7 @@ def _in_short(method: Method) -> str:
 
 
 def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
-    """Return problems in order of place; those that several variants inherit once, with a note of who shares them."""
+    """List problems in order of place; a problem that several variants inherit once, with a note of who shares it."""
     sharing: dict[tuple[Any, ...], list[str]] = {}
     first: dict[tuple[Any, ...], Diagnostic] = {}
     for each in checked:
@@ -178,7 +183,7 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
             names = sharing.setdefault(key, [])
             if each.name not in names:
                 names.append(each.name)
-    found = []
+    noted = []
     for key, diagnostic in first.items():
         names = sharing[key]
         spec = checked[0].name  # the task of the spec itself, or of its first variant
@@ -187,8 +192,14 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
             if names[0] == spec:
                 note = f"the same in {', '.join(names[1:])}"
             diagnostic = replace(diagnostic, notes=(*diagnostic.notes, note))
-        found.append(diagnostic)
-    return tuple(sorted(found, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
+        noted.append(diagnostic)
+    return tuple(sorted(noted, key=_line_and_column))
+
+
+def _line_and_column(diagnostic: Diagnostic) -> tuple[int, int]:
+    if diagnostic.span is None:
+        return 0, 0
+    return diagnostic.span.line, diagnostic.span.column
 
 
 def problems_of(reports: Iterable[FileReport]) -> list[Diagnostic]:

@@ -34,14 +34,18 @@ def unreachable(context: LintContext) -> Iterator[Doubt]:
     """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles."""
     model = lasting(context.results.known_model)
     is_own = model.task is context.task
-    section = ("state",) if is_own else ("abstraction", "state")
+    section: tuple[str, ...] = ("abstraction", "state")
     models = [model]
     if is_own:
+        section = ("state",)
         models += _partners(context.task)
     entered = [m.states.decode(m.codes[m.connected]) for m in models]
     for c in model.task.state:
-        values = [e[Role.STATE, c.name] for e in entered]
-        seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
+        columns = []
+        for values in entered:
+            value = values[Role.STATE, c.name]
+            columns.append(value.reshape(c.type.size, value.shape[-1]))
+        seen = np.concatenate(columns, 1)
         missing = []
         if c.type.is_scalar or not is_own:  # on a map, the outer cells are often walls
             missing = _missing_values(c, seen)
@@ -54,7 +58,7 @@ def unreachable(context: LintContext) -> Iterator[Doubt]:
 
 
 def _missing_values(c: Component, seen: Array) -> list[str]:
-    """Return values that a component never has, in words; for a vector only those at the ends of its range."""
+    """Values that a component never has, in words; for a vector only those at the ends of its range."""
     if c.most - c.least >= 100_000 or not seen.size:
         return []
     every = np.arange(int(c.least), int(c.most) + 1)
@@ -62,13 +66,16 @@ def _missing_values(c: Component, seen: Array) -> list[str]:
         if len(set(c.low)) > 1 or len(set(c.high)) > 1:
             return []
         every = every[(every < seen.min()) | (every > seen.max())]
-    return [words(plain(c, np.asarray(v))) for v in np.setdiff1d(every, seen.astype(np.int64))[:7]]
+    missing = np.setdiff1d(every, seen.astype(np.int64))
+    return [words(plain(c, np.asarray(value))) for value in missing[:7]]
 
 
 def _partners(task: Task) -> Iterator[Model]:
     roles = task.spec.roles
+    if roles is None:
+        return
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
-    for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
+    for variant in dict.fromkeys((roles.expert, roles.learner)):
         if variant in (task.name, task.source.variant):
             continue
         try:
@@ -103,7 +110,10 @@ def forgotten(context: LintContext) -> Iterator[Doubt]:
     memory = task.annotations.memory
     if memory is None:
         return
-    nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
+    nexts = {}
+    for c, node in zip(memory.components, memory.next, strict=True):
+        if c.type.size:
+            nexts[c.name] = node
     used = components_followed(task.annotations.expert_nodes, nexts, of_step=False)
     for name in all_names(memory.declared):
         if name in nexts and name not in used:

@@ -45,13 +45,20 @@ KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
 
 
 def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
-    """Return the warnings about a task for its present parameters, sorted by place.
+    """Look for suspicious parts of a task, for its present parameters.
 
     Warnings that need an exact model are not looked for where the task is not finite; where a limit forbids the model, W529
     names them.
 
     Args:
+        task: the task, its id or its path.
         results: of the task, where they are known already.
+
+    Returns:
+        warnings, sorted by place.
+
+    Raises:
+        SpecError: there is no such task, or it has a mistake of form.
     """
     task = load(task)
     return _sanity(task, results or Results(task)).diagnostics
@@ -101,13 +108,13 @@ class Accepted:
     place: Span
 
 
-def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
+def set_aside(task: Task, diagnostics: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
     merged = merge(task.source.document, task.source.variant)
     left = []
     accepted = []
-    for each in found:
+    for each in diagnostics:
         if each.severity == "warning" and each.code in reasons:
             accepted.append(Accepted(each, reasons[each.code], merged.key_span(("accept", each.code))))
         else:
@@ -119,12 +126,12 @@ def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) 
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     merged = merge(task.source.document, task.source.variant)
     needed = {each.warning.code for each in accepted}
-    found = []
+    diagnostics = []
     for code in task.spec.accept:
         if code not in needed and code not in unknown:
             place = merged.key_span(("accept", code))
-            found.append(Diagnostic("W511", place, f"there is no {code} to accept", "remove this entry"))
-    return found
+            diagnostics.append(Diagnostic("W511", place, f"there is no {code} to accept", "remove this entry"))
+    return diagnostics
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,16 +192,14 @@ class Report:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
 
     def __repr__(self) -> str:
-        counts = [
-            f"{len(found)} {name}" for name, found in (("problems", self.diagnostics), ("verdicts", self.verdicts))
-        ]
-        return f"<Report of {self.task.instance_id}: {', '.join(counts)}>"
+        counts = f"{len(self.diagnostics)} problems, {len(self.verdicts)} verdicts"
+        return f"<Report of {self.task.instance_id}: {counts}>"
 
     def _repr_html_(self) -> str:
-        found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
-        said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
+        rows = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
+        rows += [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
         caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
-        return html_table(caption, ("", "where", "what", ""), [*found, *said])
+        return html_table(caption, ("", "where", "what", ""), rows)
 
 
 _MEANINGLESS = {"E404", "E406"}  # no warnings are given without a first state, or for rewards that are not numbers
@@ -212,52 +217,59 @@ def check(  # noqa: C901
     """Check a task; a wrong task raises nothing, all mistakes are in the report.
 
     Args:
+        task: the task, its id or its path.
         ranges: whether to check soundness for other parameter values, too.
         with_warnings: whether to look for warnings.
         claims: whether to evaluate claims and examples.
         programs: "scalar" and names of backends, whose programs are reset and stepped at every setting, and compared with the
             reference interpreter.
         beside: gives the warnings of other parts of the package (`ELSEWHERE`) for sound tasks; None if they are not looked for.
+
+    Returns:
+        the report of all checks.
+
+    Raises:
+        SpecError: there is no such task, or it has a mistake of form.
     """
     task = load(task)
     sound = examine(task)
-    found = list(sound.diagnostics)
-    is_sound = not any(d.severity == "error" for d in found)
+    problems = list(sound.diagnostics)
+    is_sound = not any(d.severity == "error" for d in problems)
     run = ProgramChecks(programs)
     if is_sound:
-        found += run.problems(task)
+        problems += run.problems(task)
     others = Ranges()
     if ranges and task.parameters:
         others = check_ranges(task, beside=run.problems)
-        found += others.diagnostics
+        problems += others.diagnostics
     symmetries = _symmetries(task)
     for each in symmetries:
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
-            found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
+            problems.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
     examples = 0
     wrong = set()
     if claims:
         examples = len(task.annotations.examples)
         for number, problem in wrong_examples(task):
             wrong.add(number)
-            found.append(problem)
+            problems.append(problem)
     results = Results(task)
     decided: tuple[Verdict, ...] = ()
     untried: tuple[str, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
         doubts, untried = _warnings(task, results)
-        found += doubts
+        problems += doubts
     if claims and is_sound:
         decided = tuple(verdicts(task, results))
-        found += [v.diagnostic for v in decided if v.diagnostic is not None]
-    has_errors = any(d.severity == "error" for d in found)
+        problems += [v.diagnostic for v in decided if v.diagnostic is not None]
+    has_errors = any(d.severity == "error" for d in problems)
     unknown = ELSEWHERE
     if beside is not None:
         unknown = ()
         if is_sound:
-            found += beside(task)
-    left, accepted = set_aside(task, found)
+            problems += beside(task)
+    left, accepted = set_aside(task, problems)
     at_defaults = all(p.value == p.default for p in task.parameters)
     if with_warnings and claims and at_defaults and not has_errors:
         left += idle(task, accepted, (*unknown, *untried))
@@ -287,12 +299,11 @@ def _warnings(task: Task, results: Results) -> _Sanity:
     except SpecError as error:
         return _Sanity(error.diagnostics, ())
     diagnostics, untried = _sanity(task, results)
-    found = list(diagnostics)
     if verified is not None and verified.problem is not None:
         expr = next(iter(written_in(task, "abstraction").values()))
         problem = f"the abstraction is not faithful: {verified.problem}"
-        found.append(Diagnostic("E604", expr.place.span, problem))
-    return _Sanity(tuple(found), untried)
+        diagnostics = (*diagnostics, Diagnostic("E604", expr.place.span, problem))
+    return _Sanity(diagnostics, untried)
 
 
 ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed

@@ -52,18 +52,18 @@ def unused_names(context: LintContext) -> Iterator[Doubt]:
 
 
 def followed(task: Task, words: set[str], sections: Sequence[str]) -> set[str]:
-    """Return some words, and every word of the entries of some sections that they name."""
+    """Collect words, and every word of the entries of some sections that they name."""
     entries = {}
     for section in sections:
         for written, value in (task.written.get(section) or {}).items():
             entries[str(written).partition("(")[0].strip()] = value
-    found = set(words)
+    reached = set(words)
     used: set[str] = set()
-    while fresh := (found & entries.keys()) - used:
+    while fresh := (reached & entries.keys()) - used:
         used |= fresh
         for word in fresh:
-            found |= set(_words(entries[word]))
-    return found
+            reached |= set(_words(entries[word]))
+    return reached
 
 
 def _words(value: Any) -> Iterator[str]:
@@ -89,9 +89,9 @@ def moved(context: LintContext) -> Iterator[Doubt]:
         where = [in_words(task.state, Role.STATE, m.reads), in_words(task.action, Role.ACTION, m.reads)]
         if TIME in m.reads:
             where.append(f"t = {words(int(m.reads[TIME][0]))}")
-        found = ", ".join(filter(None, where))
-        end = 0 if m.index < 0 else m.length - 1
-        place = f"for {found}, " * bool(found)
+        state = ", ".join(filter(None, where))
+        end = min(max(m.index, 0), m.length - 1)
+        place = f"for {state}, " * bool(state)
         message = f"{place}this index is {m.index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
         yield Doubt(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
 
@@ -109,7 +109,7 @@ def constant(context: LintContext) -> Iterator[Doubt]:
 
 
 def _values(node: Expression, model: Model | None) -> Array | None:
-    """Return the values (..., N) of a node in all states that episodes enter; None if some are not known."""
+    """Values (..., N) of a node in all states that episodes enter; None if some are not known."""
     if questions.constant(node) is not None:
         return evaluate([node], {})[0]
     if model is None or is_random([node]) or reads_time([node]):
@@ -174,7 +174,7 @@ _SECTIONS = {
 
 
 def look_alikes(task: TaskLike) -> tuple[Diagnostic, ...]:
-    """Return W524 for names with one symbol, and W527 for names that look like others in Latin letters."""
+    """Look for names with one symbol (W524), and for names that look like others in Latin letters (W527)."""
     task = load(task)
     merged = merge(task.source.document, task.source.variant)
     collector = Collector()
@@ -189,28 +189,34 @@ def look_alikes(task: TaskLike) -> tuple[Diagnostic, ...]:
 def _same_symbols(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
     """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(task)
-    names = [(path, name, f"the {_SECTIONS[path[0]]} '{name}'") for path, name in _names(task)]
-    observed = written_in(task, "observation")
-    for name, expr in observed.items() if isinstance(observed, dict) else ():
-        if name not in task.spec.state and not (
-            isinstance(expr, Name) and expr.written == name
-        ):  # it is something else
-            names.append((("observation", name), name, f"the observation '{name}'"))
     seen = {"R": "the reward"}
     if task.discount != 1:
         seen["γ"] = "the discount"
-    for path, name, what in names:
+    for path, name, subject in _symbols(task):
         symbol = printers.plain(notation.symbol(name))
         if symbol in seen:
-            yield path, f"pages print `{symbol}` for {seen[symbol]} and for {what}"
-        seen.setdefault(symbol, what)
+            yield path, f"pages print `{symbol}` for {seen[symbol]} and for {subject}"
+        seen.setdefault(symbol, subject)
     for section, components in (("state", task.state), ("action", task.action)):
         for c in components:
             for label, tree in notation.labels.get(c.name, {}).items():
                 symbol = printers.plain(tree)
                 if symbol in seen:
-                    what = f"the label '{label}' of '{c.name}'"
-                    yield (section, c.name), f"pages print `{symbol}` for {seen[symbol]} and for {what}"
+                    subject = f"the label '{label}' of '{c.name}'"
+                    yield (section, c.name), f"pages print `{symbol}` for {seen[symbol]} and for {subject}"
+
+
+def _symbols(task: Task) -> Iterator[tuple[tuple[str, str], str, str]]:
+    """Yield the path of each name that is printed as a symbol, the name, and words for it."""
+    for path, name in _names(task):
+        yield path, name, f"the {_SECTIONS[path[0]]} '{name}'"
+    observed = written_in(task, "observation")
+    if not isinstance(observed, dict):
+        return
+    for name, expr in observed.items():
+        is_itself = isinstance(expr, Name) and expr.written == name
+        if name not in task.spec.state and not is_itself:
+            yield ("observation", name), name, f"the observation '{name}'"
 
 
 def _foreign_letters(task: Task) -> Iterator[tuple[tuple[str, str], str]]:

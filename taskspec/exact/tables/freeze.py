@@ -31,7 +31,13 @@ TIME = "t"
 
 
 def freeze(task: Task) -> FrozenTask:
-    """Return a task as tables, with its exact returns as claims; all actions are legal there.
+    """Write a task as tables, with its exact returns as claims; all actions are legal there.
+
+    Args:
+        task: a finite task whose observations are functions of the state.
+
+    Returns:
+        the tables, in the rationals of the spec.
 
     Raises:
         SpecError: E712 for a task that has no exact model, is too large, or whose observations are drawn.
@@ -60,26 +66,31 @@ def freeze(task: Task) -> FrozenTask:
 
 
 def tables(model: Model, most: int) -> FrozenTask:
-    """Return a model as tables of the states that some episode visits.
+    """Write a model as tables of the states that some episode visits.
 
-    States in which none acts stay as they are and pay nothing. Where the time matters, it becomes part of the state.
+    States in which no episode acts stay as they are and pay nothing. Where the time matters, it becomes part of the state.
 
     Args:
         model: an exact model.
         most: the largest number of states.
 
+    Returns:
+        the tables, without claims.
+
     Raises:
         SpecError: E712 for a model that is too large.
     """
     visited = visited_table(model, most)
-    index = {place: i for i, place in enumerate(visited.places)}
+    labels = {}
+    for name, holds in _conditions(model):
+        labels[name] = frozenset(i for i, (_, s) in enumerate(visited.places) if holds[s])
     values = tuple(_values(model, visited.places, visited.is_timed))
     return FrozenTask(
         name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in visited.places], values, "s"),
         actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
         start=visited.start, outcomes=visited.outcomes, horizon=model.horizon, discount=visited.discount, last=visited.last,
         values=values, seen=_observations(model, visited.places, visited.is_timed),
-        labels={name: frozenset(index[p] for p in visited.places if holds[p[1]]) for name, holds in _conditions(model)},
+        labels=labels,
     )  # fmt: skip
 
 
@@ -99,16 +110,14 @@ def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[d
 
 
 def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]], letter: str) -> tuple[str, ...]:
-    """Return names of states or actions: labels, or components with their values such as `x1_y0`."""
-    names = []
-    for i, each in enumerate(parts):
-        words = [str(value) for value in each.values()]
-        if len(words) == 1 and not (values and TIME in values[i]):
-            names.append(words[0])
-        elif values:
-            names.append("_".join(f"{name}{value}" for name, value in values[i].items()))
+    """Names of states or actions: labels, or components with their values such as `x1_y0`."""
+    names: list[str] = []
+    for i, part in enumerate(parts):
+        numbers = values[i] if values else part
+        if len(part) == 1 and TIME not in numbers:
+            names += map(str, part.values())
         else:
-            names.append("_".join(f"{name}{value}" for name, value in each.items()))
+            names.append("_".join(f"{name}{value}" for name, value in numbers.items()))
     return plain_names(names, letter)
 
 
@@ -129,7 +138,7 @@ def _conditions(model: Model) -> Iterator[tuple[str, Array]]:
 
 
 def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tuple[tuple[float, ...], ...] | None:
-    """Return the numbers that are observed in each place; None where those are the state, or no function of the place."""
+    """Numbers that are observed in each place; None where the state is observed, or the place does not decide them."""
     reader = ProbabilisticPolicy(model.task, np.asarray, 0)
     if model.task.observation.is_state or reader.is_noisy or (reader.sees_time and not is_timed):
         return None
@@ -137,13 +146,8 @@ def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tupl
     @cache
     def seen_at(t: int) -> list[tuple[float, ...]]:
         rows = reader.observe(states_of(model), t, np.random.default_rng(0))
-        if isinstance(rows, dict):
-            parts = list(rows.values())
-        else:
-            parts = [rows]
-        flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
-        return [tuple(row) for row in flat.tolist()]
+        parts = list(rows.values()) if isinstance(rows, dict) else [rows]
+        columns = [np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts]
+        return list(map(tuple, np.hstack(columns).tolist()))
 
-    if not reader.sees_time:
-        return tuple(seen_at(0)[s] for _, s in places)
-    return tuple(seen_at(t)[s] for t, s in places)
+    return tuple(seen_at(t if reader.sees_time else 0)[s] for t, s in places)

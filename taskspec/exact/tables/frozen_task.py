@@ -97,9 +97,10 @@ class FrozenTask:
 
 
 def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
-    """Return the task with a copy, for ends alone, of each state that a step enters both with and without an end.
+    """Add a copy, for ends alone, of each state that a step enters both with and without an end.
 
     Args:
+        task: the tables.
         everywhere: so that whether an episode ends depends on the next state alone; else only where one step does both.
     """
     ambiguous = _ambiguous(task, everywhere)
@@ -112,7 +113,9 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
             return outcome
         return replace(outcome, state=copies.get(outcome.state, outcome.state))
 
-    rows = [tuple(tuple(map(moved, outcomes)) for outcomes in by_action) for by_action in task.outcomes]
+    rows = []
+    for by_action in task.outcomes:
+        rows.append(tuple(tuple(map(moved, outcomes)) for outcomes in by_action))
     for copy in copies.values():
         rows.append(_stays(copy, len(task.actions)))
     seen = task.seen
@@ -124,7 +127,10 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
 
 
 def _ambiguous(task: FrozenTask, everywhere: bool) -> list[int]:
-    going = {outcome.state for s, _, outcome in task.steps() if s in task.acting and not outcome.ends}
+    going = set()
+    for s, _, outcome in task.steps():
+        if s in task.acting and not outcome.ends:
+            going.add(outcome.state)
     states: dict[int, None] = {}
     for by_action in task.outcomes:
         for outcomes in by_action:
@@ -141,10 +147,11 @@ def _stays(s: int, actions: int) -> tuple[Outcomes, ...]:
 
 
 def visited(task: FrozenTask) -> FrozenTask:
-    """Return the task without states that no episode enters."""
+    """Leave out states that no episode enters."""
     reached = set(task.acting)
-    for s in task.acting:
-        reached.update(outcome.state for outcomes in task.outcomes[s] for outcome in outcomes)
+    for s, _, outcome in task.steps():
+        if s in task.acting:
+            reached.add(outcome.state)
     kept = sorted(reached)
     if len(kept) == len(task.states):
         return task
@@ -154,22 +161,32 @@ def visited(task: FrozenTask) -> FrozenTask:
         by_action = task.outcomes[s]
         if s not in task.acting:
             by_action = _stays(s, len(task.actions))
-        rows.append(tuple(tuple(replace(o, state=index[o.state]) for o in outcomes) for outcomes in by_action))
+        moved = []
+        for outcomes in by_action:
+            moved.append(tuple(replace(outcome, state=index[outcome.state]) for outcome in outcomes))
+        rows.append(tuple(moved))
     seen = task.seen
     if seen is not None:
         seen = tuple(seen[s] for s in kept)
     values = task.values
     if values:
         values = tuple(values[s] for s in kept)
+    labels = {}
+    for name, held in task.labels.items():
+        labels[name] = frozenset(index[s] for s in held if s in index)
     return replace(
         task, states=tuple(task.states[s] for s in kept), start=tuple(task.start[s] for s in kept), outcomes=tuple(rows),
-        seen=seen, values=values, width=None,
-        labels={name: frozenset(index[s] for s in held if s in index) for name, held in task.labels.items()},
+        seen=seen, values=values, width=None, labels=labels,
     )  # fmt: skip
 
 
 def cleared(task: FrozenTask, known: int = 0) -> FrozenTask:
-    """Return the task without states that no episode enters, with a remark on those that are not known to be among them."""
+    """Leave out states that no episode enters, and remark on their number.
+
+    Args:
+        task: the tables.
+        known: number of these states that need no remark.
+    """
     kept = visited(task)
     left_out = len(task.states) - len(kept.states) - known
     if left_out > 0:
@@ -178,7 +195,7 @@ def cleared(task: FrozenTask, known: int = 0) -> FrozenTask:
 
 
 def plain_names(names: Sequence[str], letter: str) -> tuple[str, ...]:
-    """Return names that can be labels in a spec and differ from each other.
+    """Turn names into distinct labels of a spec.
 
     Signs become `_`, a name that does not begin with a letter gets the given one, a name that means something else a `_`, and
     one that occurs before its number.

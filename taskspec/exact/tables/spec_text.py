@@ -1,7 +1,8 @@
-"""The spec that says the same as tables: decision tables with as few keys as tell their values apart."""
+"""Tables as the text of a spec: decision tables with as few keys as tell their values apart."""
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,17 +36,17 @@ _AT = {"s": 0, "a": 1, "s'": 2}
 
 
 def spec_text(task: FrozenTask) -> str:
-    """Return the text of a spec."""
+    """Write tables as the text of a spec."""
     return "\n".join(_lines(task)) + "\n"
 
 
 def task_of_tables(task: FrozenTask, suite: str = "") -> Task:
-    """Return the task of the spec."""
+    """Build the task that the tables define."""
     return build(read_text(spec_text(task), f"{task.name}.yaml"), suite=suite)
 
 
 def written(value: Number) -> str:
-    """Return a number as specs write it: `2`, `1/3`, or with all its decimals."""
+    """Write a number as specs do: `2`, `1/3`, or with all its decimals."""
     if isinstance(value, Fraction):
         if max(value.numerator.bit_length(), value.denominator.bit_length()) <= LONGEST:
             return str(value)
@@ -54,7 +55,7 @@ def written(value: Number) -> str:
 
 
 def _near(value: Number, largest: int) -> str:
-    """Return a float as a fraction, if it is very near one with a small denominator; else with all its decimals."""
+    """Write a float as a fraction, if it is very near one with a small denominator; else with all its decimals."""
     fraction = small_fraction(value, largest, EXACT * abs(float(value)))
     if fraction is None:
         return repr(value)
@@ -94,7 +95,7 @@ def _lines(task: FrozenTask) -> Iterator[str]:
 
 
 def _observation(states: Sequence[str], seen: Sequence[tuple[float, ...]]) -> Iterator[str]:
-    numbers = [value for row in seen for value in row]
+    numbers = list(itertools.chain.from_iterable(seen))
     yield from ("observation:", "  seen:", "    value:", "      by: [s]", "      rows:")
     for name, row in zip(states, seen, strict=True):
         values = ", ".join(map(written, row))
@@ -126,10 +127,10 @@ def _figure(task: FrozenTask) -> Iterator[str]:
 
 
 def _next_states(task: FrozenTask) -> Entries:
-    """Return next states; `s` in states that no action leaves."""
+    """Next states; `s` in states that no action leaves."""
     entries: Entries = {}
     for s, by_action in enumerate(task.outcomes):
-        stays = all(outcome.state == s for outcomes in by_action for outcome in outcomes)
+        stays = all(outcome.state == s for outcome in itertools.chain.from_iterable(by_action))
         for a, outcomes in enumerate(by_action):
             if not outcomes:
                 continue
@@ -142,7 +143,7 @@ def _next_states(task: FrozenTask) -> Entries:
 
 
 def has_mean_rewards(task: FrozenTask) -> bool:
-    """Return whether the spec has expected rewards, because a table of those by next state would be too large."""
+    """Tell whether the spec has expected rewards, because a table of rewards by next state would be too large."""
     return _reward_table(task).cells > limits().cells
 
 
@@ -188,7 +189,7 @@ def _ends(task: FrozenTask) -> Iterator[str]:
 
 
 def _taken(task: FrozenTask) -> Iterator[tuple[int, int, Outcome]]:
-    """Yield the outcomes of the states in which episodes act: what others pay does not matter."""
+    """Outcomes of the states in which episodes act; rewards of others do not matter."""
     return ((s, a, outcome) for s, a, outcome in task.steps() if s in task.acting)
 
 
@@ -202,7 +203,7 @@ class _TableText:
 
     @staticmethod
     def _by(entries: Entries, keys: tuple[str, ...]) -> tuple[tuple[str, ...], dict[tuple[str, ...], str]] | None:
-        """Return entries by some of their keys; None where these do not tell them apart."""
+        """Index entries by some of their keys; None where these do not tell them apart."""
         rows: dict[tuple[str, ...], str] = {}
         for entry, value in entries.items():
             key = tuple(entry[_AT[name]] for name in keys)
@@ -241,7 +242,7 @@ class _TableText:
         return {first: self._row(rest, keys[1:]) for first, rest in below.items()}
 
     def _row(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> str:
-        """Return one row: a value where all are equal, or values by the next key.
+        """Write one row: a value where all are equal, or values by the next key.
 
         A distribution that all share stands under `else`: alone it would be read as values by the next key.
         """
@@ -253,10 +254,10 @@ class _TableText:
         texts = self._texts(rows, keys)
         common = _common(texts.values())
         is_whole = len(texts) == self.counts[keys[0]]
-        if is_whole and list(texts.values()).count(common) == 1:
-            return f"{{{', '.join(f'{first}: {text}' for first, text in texts.items())}}}"
-        cells = [f"{first}: {text}" for first, text in texts.items() if text != common]
-        return f"{{{', '.join([*cells, f'else: {common}'])}}}"
+        if not is_whole or list(texts.values()).count(common) > 1:
+            texts = {first: text for first, text in texts.items() if text != common}
+            texts["else"] = common
+        return _mapping(texts)
 
 
 def _common(values: Iterable[str]) -> str:
@@ -264,14 +265,18 @@ def _common(values: Iterable[str]) -> str:
 
 
 def _distribution(pairs: Iterable[tuple[str, Number]]) -> str:
-    """Return a draw of states; one that occurs twice, with and without an end, has the sum of both."""
+    """Write a draw of states; a state that occurs twice, with and without an end, has the sum of both."""
     likely: dict[str, Number] = {}
     for name, probability in pairs:
         if probability > 0:
             likely[name] = likely.get(name, 0) + probability
     if len(likely) == 1:
         return next(iter(likely))
-    return f"{{{', '.join(f'{name}: {written(probability)}' for name, probability in likely.items())}}}"
+    return _mapping({name: written(probability) for name, probability in likely.items()})
+
+
+def _mapping(texts: Mapping[str, str]) -> str:
+    return f"{{{', '.join(f'{key}: {text}' for key, text in texts.items())}}}"
 
 
 def _quoted(text: str) -> str:
