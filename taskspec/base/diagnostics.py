@@ -249,9 +249,13 @@ def render(
     """Render diagnostics as text, as a JSON array, or as GitHub workflow commands.
 
     Args:
+        diagnostics: in this order.
         format: "text", "json" or "github".
         color: whether text has the colours of a terminal.
         width: the width of the terminal to wrap text for; without one, sentences stay on one line.
+
+    Returns:
+        the text, without a newline at its end.
     """
     match format:
         case "text":

@@ -60,7 +60,23 @@ def make(
     modifiers: Iterable[Written] = (),
     **parameters: Any,
 ) -> Environment:
-    """Return the scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
+    """Make the scalar environment of a task: `load` and `taskspec.envs.Environment` in one call.
+
+    Args:
+        source: the task, its id or its path.
+        variant: of the spec; None for the spec itself.
+        render_mode: "rgb_array", "ansi" or "human"; None to draw nothing.
+        ending: "terminate" where the task ends, or "absorb" to stay in an absorbing state until the horizon.
+        observe_time: whether observations include the time.
+        modifiers: of the task, such as "sticky=0.25", in this order.
+        parameters: values of the task's parameters, by name.
+
+    Returns:
+        an environment of Gymnasium's interface.
+
+    Raises:
+        SpecError: there is no such task, parameter or modifier, or the spec has a mistake.
+    """
     from taskspec.envs import Environment
 
     task = _loaded(source, variant, {**parameters, "modifiers": modifiers})
@@ -153,11 +169,28 @@ def make_vec(
     instance_seed: int | Sequence[int] | None = None,
     **parameters: Any,
 ) -> VectorEnvironment:
-    """Return many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one
-    call.
+    """Make many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
 
     With a list as `instance_seed`, lane i is a scalar environment with the constants of the seed at i; the list is taken from
     its beginning again where `num_envs` says that there are more lanes. `backend`, `reuse` and `num_threads` do not matter then.
+
+    Args:
+        source: the task, its id or its path.
+        variant: of the spec; None for the spec itself.
+        num_envs: number of lanes.
+        backend: "numpy", "numba" or "jax", or "auto" for Numba where it is installed, else NumPy.
+        autoreset_mode: "NextStep", "SameStep" or "Disabled", as in Gymnasium.
+        reuse: whether steps write into the same arrays again.
+        num_threads: threads of the Numba backend.
+        ending: as for `make`.
+        observe_time: as for `make`.
+        render_mode: as for `make`.
+        modifiers: as for `make`.
+        instance_seed: seed of the task's constants, or one for each lane.
+        parameters: as for `make`.
+
+    Returns:
+        a vector environment of Gymnasium's interface, lanes first.
 
     Raises:
         SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.

@@ -252,7 +252,13 @@ def format_of(path: Path, name: str | None = None) -> Format:
 
 
 def read(path: str | PathLike[str]) -> Data:
-    """Demonstrations or preferences from an npz or a Parquet file.
+    """Read demonstrations or preferences from an npz or a Parquet file.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        the data, with its arrays checked.
 
     Raises:
         SpecError: E705 where a package is not installed, E710 or E711 where there is no such file, or it holds no such data.

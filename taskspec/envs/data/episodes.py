@@ -298,16 +298,22 @@ def demonstrations(
     seed: int = 0,
     jobs: int = 1,
 ) -> Demonstrations:
-    """Return episodes of a policy, in the variant in which the spec's `roles` have the expert act.
+    """Record episodes of a policy, in the variant in which the spec's `roles` have the expert act.
 
     Episode i is the first one of the scalar environment after `reset(seed=seed + i)`, for any number of jobs.
 
     Args:
+        task: the task, its id or its path.
         policy: "random", "expert", "optimal", "soft(1)", "epsilon(0.1)" with any numbers; "model.py:fn"; a function from an
             observation to an action, which may take a generator as `rng`; or an object with `predict(observations)`.
         episodes: how many; 100 unless `transitions` are given.
         transitions: as many whole episodes as make at least so many.
+        seed: of the first episode.
         jobs: processes. With more than one, functions and objects have to be those of modules that can be imported.
+
+    Returns:
+        N transitions of all episodes, one after the other: observations and actions in the types of their spaces, rewards
+        float64 (N,).
 
     Raises:
         SpecError: E706 for actions that are none, E712 where an exact model is needed and there is none, E713 for a policy that

@@ -208,18 +208,27 @@ def preferences(
     seed: int = 0,
     jobs: int = 1,
 ) -> Preferences:
-    """Return pairs of a policy's trajectories, in the variant in which the spec's `roles` have the learner act.
+    """Record pairs of a policy's trajectories, in the variant in which the spec's `roles` have the learner act.
 
     Pair i is of episodes 2 i and 2 i + 1 as `demonstrations` records them; its label is a function of the seed and i alone.
 
     Args:
+        task: the task, its id or its path.
         pairs: how many the teacher is shown; those that it skips are left out.
         policy: as for `demonstrations`.
         length: of the segments; None takes whole episodes. A segment begins anywhere in its episode; of an episode that is no
             longer, it is the whole.
         teacher: "noiseless", "boltzmann(0.1)", "myopic(0.9)", "mistaken(0.1)", "skipping(0.2)", "equal(0.1)" with any numbers,
             several of them with `+`; or a `Teacher`.
+        seed: of the episodes, the segments and the labels.
         jobs: processes.
+
+    Returns:
+        the segments of P pairs, with preferences float64 (P,), 1 where the first is preferred, and true returns
+        float64 (P, 2).
+
+    Source:
+        K. Lee, L. Smith, A. Dragan and P. Abbeel, B-Pref: Benchmarking Preference-Based Reinforcement Learning, NeurIPS 2021.
 
     Raises:
         SpecError: as for `demonstrations`; E712 where the teacher needs the exact range of returns, and there is none.

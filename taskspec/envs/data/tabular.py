@@ -186,12 +186,18 @@ class Tabular:
 
 
 def tabular(task: TaskLike) -> Tabular:
-    """Return the exact model of a task as arrays; where episodes may end early, their ends are absorbing states.
+    """Write the exact model of a task as arrays; where episodes may end early, their ends are absorbing states.
 
     All states that are declared are there, where that is cheap and no end is terminal; else those that episodes enter. An action
     that would leave the state space, where no episode acts, leads nowhere else and pays nothing.
 
-    Where the spec gives an `abstraction`, it is that which is tabulated.
+    Where the spec gives an `abstraction`, the model of the abstraction is tabulated.
+
+    Args:
+        task: the task, its id or its path.
+
+    Returns:
+        arrays of S states and A actions: probabilities and expected rewards, float64.
 
     Raises:
         SpecError: E712 where there is no exact model, or where what happens depends on the time.

@@ -300,7 +300,7 @@ class Score:
     asked: Asking | Literal["returns"]
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of the normalised score."""
+        """Bounds of the score at a confidence, as (low, high)."""
         low, high = self.value.interval(confidence)
         return self.scores.normalise(low), self.scores.normalise(high)
 
@@ -309,9 +309,10 @@ def score(
     task: TaskLike, policy: Any = None, *, returns: Sequence[float] | None = None, deterministic: bool | None = None,
     episodes: int = EPISODES, seed: int = 0, known: Scores | None = None,
 ) -> Score:  # fmt: skip
-    """Return the score of a policy, or of the returns of its episodes.
+    """Score a policy, or the returns of its episodes.
 
     Args:
+        task: the task, its id or its path.
         policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
             function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
             with `predict(observations, ...)`, as models of Stable-Baselines3 are. If such an object gives probabilities, as
@@ -322,6 +323,9 @@ def score(
         episodes: of an estimate, if the policy has to be simulated.
         seed: of these episodes.
         known: scores of the task that were computed before.
+
+    Returns:
+        the return of the policy with its error, and its score: 0 for random actions, 1 for the expert.
 
     Raises:
         SpecError: E706 for actions outside the action space, E712 if a missing exact model is needed, E713 for anything that

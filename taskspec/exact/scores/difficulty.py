@@ -230,11 +230,17 @@ class Difficulty(Mapping[str, float | None]):
 
 
 def difficulty(task: TaskLike | Results, names: Sequence[str] | None = None) -> Difficulty:
-    """Return measures of difficulty from theory, computed on the exact model of a task.
+    """Compute measures of difficulty from theory on the exact model of a task.
 
     Args:
         task: the task, its id or its path, or `Results` of it, which spares working out what is known already.
         names: of measures (`MEASURES`); None is all of them.
+
+    Returns:
+        a number for each measure, in its own unit; None for a measure that is not known, with the reason in `why_not`.
+
+    Source:
+        the entry of each measure in `MEASURES` names the paper.
 
     Raises:
         SpecError: E713 for a name that is no measure's.

@@ -44,7 +44,14 @@ class PomdpBounds:
 
 
 def pomdp_bounds(results: Results) -> PomdpBounds | None:
-    """Return the best returns under the observations of a task; None if they hide nothing, or without an exact model."""
+    """Bound the best returns of policies that see only the observations of a task.
+
+    Args:
+        results: of the task.
+
+    Returns:
+        bounds with memory and without; None where observations hide nothing, or without an exact model.
+    """
     if results.task.observation.is_state or results.abstraction is not None or results.model is None:
         return None
     try:

@@ -95,7 +95,11 @@ class Return:
         return not self.episodes
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
-        """Return a confidence interval (normal approximation); a proved one if the return is exact."""
+        """Bounds of the return, as (low, high): proved ones if it is exact, otherwise a normal approximation.
+
+        Args:
+            confidence: level of the interval; exact returns do not depend on it.
+        """
         width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
         return self.value - width, self.value + width
 

@@ -51,28 +51,32 @@ class Scores:
         return self.optimal.value - self.expert.value
 
     def normalise(self, value: float, floor: float | None = -1.0) -> float:
-        """Return the score of a return: 0 for random actions, 1 for the expert (the optimum if there is none)."""
+        """Score a return: 0 for random actions, 1 for the expert, or for the optimum if there is none.
+
+        Args:
+            value: a return.
+            floor: the smallest score; None for none.
+
+        Returns:
+            the score; nan where one of the two returns is not known.
+        """
         top = self.expert or self.optimal
         if top is None or self.random is None:
             return float("nan")
         return normalised(value, self.random.value, top.value, floor)
 
     def record(self) -> dict[str, Any]:
-        """Return all of it as plain data for JSON."""
-        returns = {name: getattr(self, name) for name in RETURNS}
-        found = asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
-        for name, value in returns.items():
-            if value is not None:
-                found[name] = asdict(value) | {"status": value.status}
-        for name, under in self.measures.items():
-            known = {which: value for which, value in under.items() if value is not None}
-            found["measures"][name] |= {
-                which: asdict(value) | {"status": value.status} for which, value in known.items()
-            }
-        return found
+        """Write the scores as JSON data."""
+        data = asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
+        for name in RETURNS:
+            data[name] = _return_record(getattr(self, name))
+        for name, by_policy in self.measures.items():
+            for policy, value in by_policy.items():
+                data["measures"][name][policy] = _return_record(value)
+        return data
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
+        """List known returns as flat rows, as `pandas.DataFrame` takes them."""
         rows = []
         for name in RETURNS:
             known = getattr(self, name)
@@ -91,7 +95,11 @@ class Scores:
 
     @classmethod
     def load(cls, path: str | Path, task: TaskLike) -> Scores:
-        """Return scores from a file.
+        """Read scores from a file.
+
+        Args:
+            path: of the file.
+            task: the task whose scores they are.
 
         Raises:
             SpecError: E710, E711 if there is no such file, or it cannot be read; E713 if it contains no scores.
@@ -99,7 +107,7 @@ class Scores:
         """
         task = load(task)
         try:
-            found = TypeAdapter(cls).validate_json(Path(path).read_bytes(), strict=True)
+            scores = TypeAdapter(cls).validate_json(Path(path).read_bytes(), strict=True)
         except FileNotFoundError:
             raise SpecError([Diagnostic("E710", None, f"there is no file {str(path)!r}")]) from None
         except ValidationError as error:
@@ -109,9 +117,15 @@ class Scores:
             misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")
         except (OSError, ValueError) as error:
             raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error}")]) from None
-        if found.content_hash != task.content_hash or found.id != task.id:
-            raise StaleScores(f"E714: {path} holds scores of {found.id} as it was; the task has changed since")
-        return found
+        if scores.content_hash != task.content_hash or scores.id != task.id:
+            raise StaleScores(f"E714: {path} holds scores of {scores.id} as it was; the task has changed since")
+        return scores
+
+
+def _return_record(value: Return | None) -> dict[str, Any] | None:
+    if value is None:
+        return None
+    return asdict(value) | {"status": value.status}
 
 
 class StaleScores(TaskspecError, ValueError):
@@ -119,12 +133,18 @@ class StaleScores(TaskspecError, ValueError):
 
 
 def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
-    """Return optimal, random, worst and expert return of a task: exact if it has a model, otherwise estimated.
+    """Compute the optimal, random, worst and expert return of a task: exact if it has a model, otherwise estimated.
 
     Args:
         task: the task, its id or its path; or its `Results`, with their own episodes and seed.
         episodes: of each estimate.
         seed: of these episodes.
+
+    Returns:
+        the returns, discounted as the task says, each with its error; None for a return that cannot be computed.
+
+    Raises:
+        SpecError: there is no such task, or it has a mistake.
     """
     tell("the exact model")
     if isinstance(task, Results):
