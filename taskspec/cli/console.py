@@ -46,7 +46,7 @@ def write_json(data: Any) -> None:
 
 
 def write_records(records: Sequence[Any]) -> None:
-    """Print the records of several tasks as a JSON list, or that of one task alone."""
+    """Print the records of several tasks as a JSON list, the record of one task alone."""
     write_json(records[0] if len(records) == 1 else list(records))
 
 

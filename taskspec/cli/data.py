@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from taskspec.language.task.task import Task
 
 FORMATS = ("npz", "parquet", "imitation", "minari")
-Seed = Annotated[int, seed_option("Episode i is that of [green]reset(seed=SEED+i)[/].")]
+Seed = Annotated[int, seed_option("Episode i begins with [green]reset(seed=SEED+i)[/].")]
 DataJobs = Annotated[int, Option("--jobs", "-j", min=1, help="Processes; the data is the same for any number.")]
 Output = Annotated[Path, Option("--output", "-o", metavar="OUT", help="The file, or the folder.")]
 Format = Annotated[

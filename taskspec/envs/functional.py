@@ -16,7 +16,7 @@ from taskspec.programs.jax import Functional, State
 if TYPE_CHECKING:
     _FuncEnv = FuncEnv["FuncState", Any, Any, Any, Any, Any, Any]
 else:
-    _FuncEnv = FuncEnv  # Gymnasium 0.29 has one type fewer, that of the parameters
+    _FuncEnv = FuncEnv  # Gymnasium 0.29 has one type fewer, without parameters
 
 __all__ = ["FuncState", "TaskFuncEnv"]
 

@@ -124,7 +124,7 @@ def state_rows(task: Task, state: Sequence[Array]) -> Array:
     finite = are_finite(task.state)
     rows = np.concatenate([np.asarray(part).reshape(-1, lanes) for part in state])
     shape = (len(rows),) if others else first.type.shape
-    with np.errstate(over="ignore"):  # what float32 does not hold is infinite, as in observations
+    with np.errstate(over="ignore"):  # numbers beyond float32 are infinite, as in observations
         return rows.T.astype(np.int64 if finite else np.float32).reshape(lanes, *shape)
 
 
@@ -158,7 +158,7 @@ if TYPE_CHECKING:
     from taskspec.programs.vector_program import Engine
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
-"""What lanes render: a window would be one too many for each."""
+"""Render modes of lanes: windows are left out, which would be one for each."""
 
 
 @dataclass(frozen=True)

@@ -309,7 +309,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 
 class InstanceLanes(gymnasium.vector.SyncVectorEnv):
-    """Scalar environments of several instances of one task, one after the other; `task` is that of the first.
+    """Scalar environments of several instances of one task, one after the other; `task` belongs to the first.
 
     Args:
         tasks: the instances, lane by lane.

@@ -135,7 +135,7 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 Data = Demonstrations | Preferences
 MARK = "taskspec.json"  # the file of a dataset's folder that holds the metadata
-_NAME = re.compile(r"[-_\w]*\w-v\d+")  # what Minari can call a dataset
+_NAME = re.compile(r"[-_\w]*\w-v\d+")  # names of datasets that Minari accepts
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +283,7 @@ def _unreadable(place: Path, reason: str) -> NoReturn:
 
 
 PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
-"""What preferences have for each pair, by the name that a table has for it."""
+"""Arrays of preferences with an entry for each pair, and their names in a table."""
 
 
 def flat(data: Data) -> dict[str, Array]:

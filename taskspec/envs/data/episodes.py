@@ -202,7 +202,7 @@ def _mapping(jobs: int) -> Iterator[Run]:
     if jobs == 1:
         yield map
         return
-    context = multiprocessing.get_context("spawn")  # what is forked from threads may wait for ever
+    context = multiprocessing.get_context("spawn")  # a process forked from threads may wait for ever
     with ProcessPoolExecutor(jobs, context) as pool:
         yield pool.map
 

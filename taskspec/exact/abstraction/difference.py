@@ -108,7 +108,7 @@ def compare(a: Task, b: Task) -> TaskRelation:
 
 def _compared(a: Task, b: Task) -> TaskRelation:
     if a.content_hash == b.content_hash and a.name == b.name:
-        return TaskRelation("identical", "what decides the behaviour is written in the same way")
+        return TaskRelation("identical", "all sections that decide the behaviour are written in the same way")
     try:
         one = NamedSteps(a)
         other = NamedSteps(b)

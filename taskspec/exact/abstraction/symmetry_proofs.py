@@ -82,7 +82,7 @@ def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
     for part in parts(Role.ACTION, task.action, symmetry.action, is_tied=True):
         if not part.is_decided:
             names = " and ".join(f"'{c.name}'" for c in part.inputs)
-            return f"what it does to {names} is more than to move elements about, and there are too many values to try"
+            return f"its map of {names} does more than to move elements about, and there are too many values to try"
         pair = outside(part)
         clash = part.clash()
         if pair is not None:

@@ -156,7 +156,7 @@ def _later_reward(context: LintContext) -> int | None:
 
 
 def indifferent(context: LintContext) -> Iterator[Doubt]:
-    """Yield the reward if the best return is that of random actions."""
+    """Yield the reward if random actions earn the best return."""
     if context.is_constant or context.results.optimal is None:
         return
     optimal = context.results.optimal

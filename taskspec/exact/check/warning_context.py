@@ -20,7 +20,7 @@ SAME = 1e-9  # numbers that differ by less, relative to their size, count as equ
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something to warn about, at its place; the code of the warning is that of the check that found it."""
+    """Something to warn about, at its place; the check that found it has the code."""
 
     place: Placed | None
     message: str

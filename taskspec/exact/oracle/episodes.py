@@ -116,7 +116,7 @@ class Expectation:
     """The exact mean and variance of a function of episodes.
 
     Attributes:
-        mean, variance: numbers, or arrays of the shape of the function's result; the variance is that of each entry.
+        mean, variance: numbers, or arrays of the shape of the function's result; the variance of each entry.
         count: how many episodes, or groups of them, were enumerated.
     """
 

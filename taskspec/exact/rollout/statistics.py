@@ -127,10 +127,10 @@ Statistic = Literal["mean", "sd", "median", "highest", "lowest"]
 
 
 def estimate(sample: Sequence[float] | Array, statistic: Statistic, key: str) -> Estimate:
-    """Return a statistic of a sample (n,) over seeds.
+    """Estimate a statistic of a sample (n,) over seeds.
 
-    Means have the interval of `seeds_interval`, standard deviations that of Bonett (2006), which does not need normal scores,
-    medians that of the order statistics. The highest and the lowest are those of the seeds that were run.
+    Means have the interval of `seeds_interval`, standard deviations the interval of Bonett (2006), which does not need normal
+    scores, medians the interval of the order statistics. The highest and the lowest are of the seeds that were run.
 
     Args:
         key: the name of the sample: statistics of the same sample share their draws.
@@ -263,14 +263,14 @@ def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool
 
     The rows of the two samples are permuted, each with its scores in all comparisons. First all comparisons are tested together,
     by the sum of the squares of their differences in standard deviations; then each of them by the largest difference among
-    those that are not larger (Westfall and Young 1993), which is closed testing. A p-value is at least that of the first test.
+    those that are not larger (Westfall and Young 1993), which is closed testing. A p-value is at least the first test's.
     If only the first test is significant, the largest difference has its p-value.
 
     Args:
         scores: (rows, comparisons), NaN where a row has none.
         is_first: bool (rows,), the rows of the first sample.
-        only_below: of all comparisons or of each, whether only a mean of the first sample that is below that of the second one
-            counts.
+        only_below: of all comparisons or of each, whether a mean of the first sample counts only below the mean of the
+            second one.
     """
     is_known = ~np.isnan(scores)
     filled = np.where(is_known, scores, 0.0)

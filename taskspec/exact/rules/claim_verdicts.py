@@ -150,7 +150,7 @@ def _decided(evaluator: ClaimEvaluator, claim: Claim) -> tuple[bool | None, Reas
 
 
 def state_left(task: Task) -> str | None:
-    """Return a hint where the end, or the reward, may be meant for the state reached and is that of the state left."""
+    """Hint that the end, or the reward, reads the state left, where the state reached may be meant."""
     for section in ("terminal", "reward"):
         name = task.state_left(section)
         if name is not None:

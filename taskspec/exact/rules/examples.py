@@ -125,7 +125,7 @@ def _enumerated(nodes: Sequence[Expression], numbers: ProbabilityArithmetic) -> 
 
 
 def compare(asked: Consequence, collector: Collector) -> None:
-    """Report a consequence that is not that of the task."""
+    """Report a consequence that differs from the task's."""
     what = asked.what
     actual = outcomes([asked.actual])
     expected = outcomes([asked.expected])
@@ -151,7 +151,7 @@ def compare(asked: Consequence, collector: Collector) -> None:
 
 
 def compare_probability(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
-    """Report joint values whose probability is not that of the example."""
+    """Report joint values whose probability differs from the example's."""
     actual = outcomes([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
     if actual is None:
@@ -212,7 +212,7 @@ class _Trial:
         self.checker = Checker(self.builder, self.collector)
         self.scope = scope(self.task, SCOPE)
         self.fixed = self.scope.child({})
-        self.fixed.draws = "what an example begins with is fixed"
+        self.fixed.draws = "the values that an example begins with are fixed"
 
     def problems(self) -> tuple[Diagnostic, ...]:
         try:
@@ -253,7 +253,7 @@ class _Trial:
             return None
         (flat,) = evaluate([node], {})
         if not all(low <= v <= high for v, low, high in zip(flat, c.low, c.high, strict=True)):
-            value = "what it is here"
+            value = "this value"
             if c.type.is_scalar:
                 value = words(flat[0])
             self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")

@@ -150,7 +150,7 @@ def effective_horizon(model: Model) -> float:
 # horizon is the least k + log_A m for which all its actions are optimal with probability 1/2.
 #
 # The returns of random episodes are multiples of one number, so that the distribution of a sum of m of them is a power of a
-# Fourier transform, and that of the best sequence a product of distribution functions.
+# Fourier transform, and the distribution of the best sequence a product of distribution functions.
 
 DENOMINATOR = 1000
 """The largest denominator of a reward."""
@@ -213,7 +213,7 @@ class Gorp:
         """The least and the largest return from any time on."""
         ends = []
         for extreme in (np.min, np.max):
-            value = np.zeros(self.model.n_states + 1, np.int64)  # the last one is that of `END`
+            value = np.zeros(self.model.n_states + 1, np.int64)  # the last one belongs to `END`
             found = [0]
             for t in reversed(range(self.horizon)):
                 later = self.reward[self.at(t)] + value[self.target[self.at(t)]]

@@ -66,7 +66,7 @@ def pomdp_bounds(results: Results) -> PomdpBounds | None:
 def best_observing(results: Results, which: str, as_written: bool = False) -> Enclosure:
     """Return the best return of policies that remember, or of memoryless ones (a key of `SEARCHES`)."""
     if results.abstraction is not None:
-        refuse("what is seen is not told of an abstraction")
+        refuse("observations of abstractions are unsupported")
     results = results.observing
     model = results.known_model
     if model.horizon is None:
@@ -93,7 +93,7 @@ def hidden_bits(model: Model) -> float:
     """Return the conditional entropy H(S | O) of the state given its observation, in bits, over the visits of random actions."""
     nodes = informative(model.task).nodes
     if sees_moving_draws(model.task):
-        refuse("what is seen shares a draw with the dynamics")
+        refuse("the observation shares a draw with the dynamics")
     is_timed = reads_time(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")

@@ -126,7 +126,7 @@ class Return:
 class Results(InNotebooks):
     """All results about a task's returns, computed when they are read.
 
-    `model` is that of the task or of its proved abstraction; without one it is None, and `why_not` gives the reason.
+    `model` belongs to the task or to its proved abstraction; without one it is None, and `why_not` gives the reason.
 
     Args:
         episodes, seed: of simulated returns.

@@ -101,7 +101,10 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
         if isinstance(node, Apply) and node.op in ("where", "and", "or") and node.type.is_scalar:
             holds = node.args[0]
             fails = b.apply("not", holds)
-            needed[1] = b.apply("and", here, fails if node.op == "or" else holds)
+            condition = holds
+            if node.op == "or":
+                condition = fails
+            needed[1] = b.apply("and", here, condition)
             if node.op == "where":
                 needed[2] = b.apply("and", here, fails)
         for child, guard in zip(children(node), needed, strict=True):

@@ -77,21 +77,26 @@ class Check:
     what: str = ""
 
     def wrong(self, value: Array) -> Array:
-        """Return where (M,) values (*shape, M) are not allowed."""
+        """Mark values (*shape, M) that are not allowed: bool (M,)."""
         shape = self.node.type.shape
         axes = tuple(range(len(shape)))
         low = np.array(self.low).reshape(*shape, 1)
         high = np.array(self.high).reshape(*shape, 1)
         if self.node.type.kind is not Kind.REAL:
             return np.asarray(((value < low) | (value > high)).any(axis=axes))
-        slack = (1e-6 if self.code == "E401" else 1e-9) * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
+        tolerance = 1e-9
+        if self.code == "E401":
+            tolerance = 1e-6
+        slack = tolerance * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
     def is_proved(self, known: dict[int, Range]) -> bool:
-        """Return whether interval arithmetic proves it, from what is known of nodes by id, which it adds to."""
-        found = ranges(self.node, known)
-        return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)
+        """Prove the check by interval arithmetic, if possible; ranges of nodes are added to those known, by id."""
+        bounds = ranges(self.node, known)
+        return (
+            bounds.finite and bounds.low >= max(self.low, default=-INF) and bounds.high <= min(self.high, default=INF)
+        )
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,10 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     yield phase("observation", observation)
     some = [task.new_builder().apply("any", mask) for mask in task.mask]
     yield phase("legal", [Check("E412", node, (1,), (1,), "legal") for node in some])
-    yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
+    expert = []
+    if not task.annotations.memory:
+        expert = _expert_checks(task)
+    yield phase("expert", expert)
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
     for name, node in task.process.measures.items():
@@ -159,19 +167,20 @@ class PhaseBuilder:
         return visited(self.task)
 
     def phase(self, name: str, checks: Sequence[Check]) -> CheckPhase:
-        """Return the checks that bounds do not prove: at all points of a finite task, otherwise at samples."""
+        """Select the checks that bounds do not prove: at all points of a finite task, otherwise at samples."""
         task = self.task
         known: dict[int, Range] = {}
         left = tuple(c for c in checks if not c.is_proved(known))
-        roots = [n for c in left for n in (*c.guards, c.node)]
+        roots = roots_of(left)
         nodes = lumped(roots, Builder.of(roots))
-        rest = iter(nodes)
-        merged = tuple(replace(c, guards=tuple(next(rest) for _ in c.guards), node=next(rest)) for c in left)
+        merged = _with_roots(left, nodes)
         outcomes = outcome_count(nodes)
         read = reads(nodes)
         if name == "start":
             is_exact = outcomes <= self.limit and not read
-            return CheckPhase(task, name, merged if is_exact else left, Samples({}, {}), is_exact)
+            if is_exact:
+                left = merged
+            return CheckPhase(task, name, left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
             if name == "step":
                 actions = Space(task.action, Role.ACTION)
@@ -227,44 +236,62 @@ class PhaseBuilder:
 # -- checks ---------------------------------------------------------------------------------------
 
 
+def roots_of(checks: Sequence[Check]) -> tuple[Node, ...]:
+    """List the guards and the node of each check."""
+    roots: list[Node] = []
+    for check in checks:
+        roots += [*check.guards, check.node]
+    return tuple(roots)
+
+
+def _with_roots(checks: Sequence[Check], roots: Sequence[Node]) -> tuple[Check, ...]:
+    changed = []
+    first = 0
+    for check in checks:
+        last = first + len(check.guards)
+        changed.append(replace(check, guards=tuple(roots[first:last]), node=roots[last]))
+        first = last + 1
+    return tuple(changed)
+
+
 def _values(
     code: str, section: str, components: Sequence[Component], nodes: Sequence[Node], prime: str = ""
 ) -> list[Check]:
-    pairs = zip(components, nodes, strict=True)
-    return [Check(code, node, c.low, c.high, section, c.name + prime, c) for c, node in pairs]
+    checks = []
+    for c, node in zip(components, nodes, strict=True):
+        checks.append(Check(code, node, c.low, c.high, section, c.name + prime, c))
+    return checks
 
 
 def _expert_checks(task: Task) -> list[Check]:
     if not isinstance(task.annotations.expert, tuple):
         return []
-    found = _values("E409", "expert", task.action, task.annotations.expert)
+    checks = _values("E409", "expert", task.action, task.annotations.expert)
     legal = task.process.legal
     if legal is not None:
         chosen = by_read(Role.ACTION, task.action, task.annotations.expert)
         (node,) = task.new_builder().substitute([legal], chosen)
-        found.append(Check("E413", node, (1,), (1,), "expert", task.action[0].name))
-    return found + _drawn(task, "expert", task.annotations.expert)
+        checks.append(Check("E413", node, (1,), (1,), "expert", task.action[0].name))
+    return checks + _drawn(task, "expert", task.annotations.expert)
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
-    """Return the expressions of a section with their names."""
-    found = task.source.surface.sections.get(section)
-    if isinstance(found, dict):
-        pairs = list(found.items())
-    else:
-        pairs = [(None, found)]
-    return [(name, expr) for name, expr in pairs if expr is not None]
+    """List the expressions of a section with their names; None for the name of a section that is one expression."""
+    written = task.source.surface.sections.get(section)
+    if not isinstance(written, dict):
+        written = {None: written}
+    return [(name, expr) for name, expr in written.items() if expr is not None]
 
 
 def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     if not draws(roots):
         return []
-    found: list[Check] = []
+    checks: list[Check] = []
     where = SectionScope(task, section)
     for name, expr in entries(task, section):
         for written in distributions(expr, where):
-            found += _Parameters(where, name, written).checks()
-    return found
+            checks += _Parameters(where, name, written).checks()
+    return checks
 
 
 @dataclass(frozen=True)
@@ -346,7 +373,7 @@ class Examination:
     def __init__(self, phase: CheckPhase) -> None:
         self.phase = phase
         self.task = phase.task
-        self.roots = tuple(n for c in phase.checks for n in (*c.guards, c.node))
+        self.roots = roots_of(phase.checks)
         self.draws = draws(self.roots)
         self.layout = WordLayout.of(self.roots)
         self.rng = np.random.default_rng(1)
@@ -371,9 +398,15 @@ class Examination:
             return Method(True, 0)
         exact = self.phase.exact and len(self.enumerated) == len(self.draws)
         if self.phase.name == "start":
-            return Method(exact, int(max(1, count(self.draws, {}))) if exact else STARTS)
+            starts = STARTS
+            if exact:
+                starts = int(max(1, count(self.draws, {})))
+            return Method(exact, starts)
         points = self.phase.points
-        return Method(exact, points.size, points.states.size if isinstance(points, Grid) else None)
+        states = None
+        if isinstance(points, Grid):
+            states = points.states.size
+        return Method(exact, points.size, states)
 
     def batches(self) -> Iterator[Batch]:
         cost = Cost(self.roots)
@@ -474,12 +507,12 @@ class Examination:
     def _seen(self) -> Array:
         """States of a few episodes, for tasks in which the search for all of them costs too much."""
         episodes = visited(self.task)
+        states = episodes.acting
         if self.phase.name == "observation":
-            found = episodes.entered
-        else:
-            found = episodes.acting
+            states = episodes.entered
         space = Space(self.task.state, Role.STATE)
-        return distinct(space.encode([found[c.read] for c in self.task.state], found[TIME].shape[-1])[0])
+        codes, _ = space.encode([states[c.read] for c in self.task.state], states[TIME].shape[-1])
+        return distinct(codes)
 
     @cached_property
     def _finished(self) -> Array:
@@ -488,9 +521,13 @@ class Examination:
             return np.zeros(0, np.int64)
         steps = Steps(self.task)
         every = np.arange(steps.states.size)
-        found = [successors(steps, every, t) for t in self.phase.points.times or (0,)]
-        entered = [steps.starts()[0], *(going for going, _ in found)]
-        return without(union([ended for _, ended in found]), union(entered))
+        entered = [steps.starts()[0]]
+        ended = []
+        for t in self.phase.points.times or (0,):
+            going, stopped = successors(steps, every, t)
+            entered.append(going)
+            ended.append(stopped)
+        return without(union(ended), union(entered))
 
 
 def _at(values: Array, lane: int) -> Array:

@@ -58,7 +58,7 @@ class SectionScope:
         return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
-        """Return the condition that the value of a column is that of a row."""
+        """Condition that the value of a column equals the key of a row."""
         column = self.value(by)
         if column is None:
             return None

@@ -50,7 +50,7 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
     hint = _HINTS.get(check.code)
     if check.place is not None:
         place = check.place.place
-    else:  # that of the smallest expression that gives the value
+    else:  # the place of the smallest expression that gives the value
         for name, expr in entries(task, check.section):
             if name in (check.entry, None):
                 part = narrow(expr, SectionScope(task, check.section), violation.reads)
@@ -78,26 +78,29 @@ def report(violation: Violation, task: Task, collector: Collector) -> None:
 
 
 def _where(violation: Violation, task: Task) -> str:
-    """Return `from s = 20 with a = 1, `: all that the value depends on; the whole state if that is short."""
+    """Components that the value depends on, as `from s = 20 with a = 1, `; the whole state if it is short."""
     check = violation.check
     is_step = check.section == "dynamics"
     needed = reads((check.node, *check.guards))
-    found = []
-    for role, components, word in (
-        (Role.STATE, task.state, "from" if is_step else "in"),
-        (Role.ACTION, task.action, "with"),
-    ):
+    of_state = "in"
+    if is_step:
+        of_state = "from"
+    parts = []
+    for role, components, word in ((Role.STATE, task.state, of_state), (Role.ACTION, task.action, "with")):
         is_short = is_step and len(components) == 1 and components[0].type.size <= 4
-        values = in_words([c for c in components if is_short or (role, c.name) in needed], role, violation.reads)
+        named = [c for c in components if is_short or (role, c.name) in needed]
+        values = in_words(named, role, violation.reads)
         if values:
-            found.append(f"{word} {values}")
+            parts.append(f"{word} {values}")
     if TIME in needed & violation.reads.keys():
-        found.append(f"at t = {int(violation.reads[TIME].reshape(-1)[0])}")
-    return " ".join(found) + ", " * bool(found)
+        parts.append(f"at t = {int(violation.reads[TIME].reshape(-1)[0])}")
+    if not parts:
+        return ""
+    return " ".join(parts) + ", "
 
 
 def in_words(components: Iterable[Component], role: Role, values: Reads) -> str:
-    """Return the values of some components at the first of some points in words, as `x = 2, y = 0`."""
+    """Write values of components at the first of some points in words, as `x = 2, y = 0`."""
     known = [c for c in components if (role, c.name) in values]
     return ", ".join(f"{c.name} = {shown(c, values[role, c.name][..., 0])}" for c in known)
 
@@ -163,19 +166,31 @@ class Soundness:
 
 
 def examine(task: TaskLike, limit: int | None = None) -> Soundness:
-    """Check a task for its present parameters.
+    """Check that the equations define a task, for its present parameters.
 
     Args:
-        limit: steps (state, action, time, outcome) up to which all are checked, rather than samples.
+        task: the task, its id or its path.
+        limit: steps (state, action, time, outcome) up to which all are checked, rather than samples; None is the usual limit.
+
+    Returns:
+        every problem with a counterexample, and the method: all points, or samples.
+
+    Raises:
+        SpecError: there is no such task, or it has a mistake of form.
     """
     tell("soundness")
     task = load(task)
+    if limit is None:
+        limit = limits().points
     collector = Collector()
     methods = []
-    for phase in phases(task, limits().points if limit is None else limit):
+    for phase in phases(task, limit):
         examination = Examination(phase)
         violations = list(examination.violations())
-        drawn = {(v.check.section, v.check.entry) for v in violations if v.check.place is not None}
+        drawn = set()
+        for violation in violations:
+            if violation.check.place is not None:
+                drawn.add((violation.check.section, violation.check.entry))
         for violation in violations:
             check = violation.check
             if check.place is not None or (check.section, check.entry) not in drawn:  # one mistake, one message
@@ -185,17 +200,20 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
     if number is not None:
         section, value = number
         places = [expr.place for _, expr in entries(task, section)]
+        size = "close to 0"
         if value > 1:
             size = "large"
-        else:
-            size = "close to 0"
         message = f"the {section} has the number {number_words(value)}, which is too {size}"
         collector.add("E411", next(iter(places), None), message, "choose another unit, or write 0")
     return Soundness(collector.diagnostics, Method.joined(methods))
 
 
 def soundness(task: TaskLike) -> list[Diagnostic]:
-    """Return every problem of a task for its present parameters, each with a counterexample."""
+    """List every problem of a task for its present parameters, each with a counterexample.
+
+    Args:
+        task: the task, its id or its path.
+    """
     return list(examine(task).diagnostics)
 
 

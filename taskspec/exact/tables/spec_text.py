@@ -31,7 +31,7 @@ MOST_ENDS = 12
 Entries = dict[tuple[str, str, str], str]
 """Values as text by state, action and next state."""
 KEYS = ((), ("s",), ("a",), ("s'",), ("s", "a"), ("s", "s'"), ("s", "a", "s'"))
-"""What a table may depend on; the first that suffices is taken."""
+"""Keys of a table; the first that suffice are taken."""
 _AT = {"s": 0, "a": 1, "s'": 2}
 
 

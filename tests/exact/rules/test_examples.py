@@ -112,7 +112,7 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
      "parameter n must be at most 9"),
     (AT | {"reward": 2, "probability": 2}, "E402", ("probability",), "not between 0 and 1"),
     ({"state": {"s": 1.5}, "observation": {"s": 1}}, "E306", ("state", "s"), "'s' is an int, but this is a real"),
-    ({"state": {"s": "UniformInt(0, 1)"}, "observation": {"s": 1}}, "E311", ("state", "s"), "begins with is fixed"),
+    ({"state": {"s": "UniformInt(0, 1)"}, "observation": {"s": 1}}, "E311", ("state", "s"), "begins with are fixed"),
     ({"state": {"s": 1}, "observation": {"s": "s"}}, "E302", ("observation", "s"), "'s' is not defined here"),
     ({"state": {"v": [1, 2]}, "next": {"v": [1, 2]}}, "E307", ("state", "v"), "has shape [4], but this has [2]"),
     ({"state": {"mood": "clam"}, "action": {"b": True}, "next": {"mood": "calm"}}, "E313", ("state", "mood"), "'clam'"),
