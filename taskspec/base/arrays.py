@@ -21,11 +21,15 @@ AnyArray = Any
 
 
 def map_parts(function: Callable[..., Any], *values: Any) -> Any:
-    """Return a function of some arrays, or of the arrays of each name where they are dicts."""
+    """Apply a function to some arrays, or to the arrays of each name where they are dicts."""
     first = values[0]
     if not isinstance(first, Mapping):
         return function(*values)
-    return {name: function(*(value[name] for value in values)) for name in first}
+    mapped = {}
+    for name in first:
+        parts = [value[name] for value in values]
+        mapped[name] = function(*parts)
+    return mapped
 
 
 def parts_of(value: Any) -> list[Any]:

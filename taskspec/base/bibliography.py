@@ -30,19 +30,24 @@ class Reference:
     @property
     def authors(self) -> str:
         """Family names: `A and B`, `A, B and C`, `A et al.` for more than four."""
-        people = [p for p in self.plain("author").split(" and ") if p]
-        names = [p.partition(",")[0] if "," in p else p.rsplit(" ", 1)[-1] for p in people]
+        names = []
+        for person in self.plain("author").split(" and "):
+            if "," in person:
+                names.append(person.partition(",")[0])
+            elif person:
+                names.append(person.rsplit(" ", 1)[-1])
         if len(names) > 4:
             return f"{names[0]} et al."
-        if names:
-            return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-        return ""
+        if len(names) > 1:
+            return f"{', '.join(names[:-1])} and {names[-1]}"
+        return "".join(names)
 
     @property
     def venue(self) -> str:
-        return next(
-            (self.plain(f) for f in ("journal", "booktitle", "howpublished", "publisher") if f in self.fields), ""
-        )
+        for field in ("journal", "booktitle", "howpublished", "publisher"):
+            if field in self.fields:
+                return self.plain(field)
+        return ""
 
     def bibtex(self) -> str:
         inner = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())
@@ -75,16 +80,20 @@ def _fields(text: str, at: int) -> Iterator[tuple[str, str]]:
             at = text.find('"', start + 1) + 1 or len(text)
         else:
             bare = _BARE.match(text, start)
-            at = bare.end() if bare else start
+            at = start
+            if bare:
+                at = bare.end()
         value = text[start:at]
-        yield match[1].lower(), value[1:-1] if opening in ("{", '"') else value
+        if opening in ("{", '"'):
+            value = value[1:-1]
+        yield match[1].lower(), value
 
 
 def beside(specs: Iterable[str | Path]) -> dict[str, Reference]:
-    """Return the entries of every `references.bib` in the folder of one of the specs or in the folder above it."""
-    folders = dict.fromkeys(Path(spec).parent for spec in specs)
-    found: dict[str, Reference] = {}
-    for path in dict.fromkeys(path for folder in folders for path in (folder / ".." / NAME, folder / NAME)):
-        if path.is_file():
-            found |= read(path.read_text(encoding="utf-8"))
-    return found
+    """Read the entries of every `references.bib` in the folder of one of the specs or in the folder above it."""
+    references: dict[str, Reference] = {}
+    for folder in dict.fromkeys(Path(spec).parent for spec in specs):
+        for path in (folder / ".." / NAME, folder / NAME):
+            if path.is_file():
+                references |= read(path.read_text(encoding="utf-8"))
+    return references

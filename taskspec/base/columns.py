@@ -85,14 +85,18 @@ class Columns:
         return Measurement.get(console, options, self._table(range(len(self.headers)), {}))
 
     def _widths(self, console: Any) -> dict[int, int]:
-        """Return what each column needs: its widest cell, or its longest word if it may wrap."""
+        """Width of each column: of its widest cell, or of its longest word if it may wrap."""
         options = console.options.update(max_width=UNBOUNDED)
-        found = {}
+        widths = {}
         for i, header in enumerate(self.headers):
-            sizes = [Measurement.get(console, options, cell) for cell in (header, *(row[i] for row in self.rows))]
-            needed = [size.minimum if i in self.fold else size.maximum for size in sizes]
-            found[i] = max(*needed, self.widths.get(i, 0))
-        return found
+            widths[i] = self.widths.get(i, 0)
+            for cell in (header, *(row[i] for row in self.rows)):
+                size = Measurement.get(console, options, cell)
+                if i in self.fold:
+                    widths[i] = max(widths[i], size.minimum)
+                else:
+                    widths[i] = max(widths[i], size.maximum)
+        return widths
 
     def _needed(self, console: Any, shown: Sequence[int]) -> int:
         widths = self._widths(console)

@@ -226,7 +226,7 @@ def suggest(name: str, candidates: Iterable[str]) -> Advice | None:
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the candidate nearest to an unknown name, or None when none is near."""
+    """Choose the candidate nearest to an unknown name; None when none is near."""
     known = list(candidates)
     by_lower = {each.lower(): each for each in reversed(known)}
     if name.lower() in by_lower:
@@ -234,12 +234,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     begun = [each for each in known if each.rpartition("/")[2].lower().startswith(name.lower())]
     if begun and len(name) > 2:
         return min(begun, key=len)
-    is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
-    alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
-
-    found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)
-    if found:
-        return found[0]
+    cutoff = 0.6
+    if len(name) <= 4:  # a short name is alike to any long one that has its letters
+        cutoff = 0.5
+        known = [each for each in known if len(each) < 2 * len(name) or each.startswith(name)]
+    matches = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    if matches:
+        return matches[0]
     return None
 
 

@@ -105,11 +105,13 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
     if not root.is_dir():
         raise spec_error("E710", f"there is no folder '{root}'")
     folders = [root, *sorted(p for p in root.iterdir() if p.is_dir())]
-    found = [entry for each in folders for entry in entries(each.resolve())]
-    for entry in found:
+    known: list[registry.Entry] = []
+    for each in folders:
+        known += entries(each.resolve())
+    for entry in known:
         registry.add(entry)
         _add(entry.id, {"path": str(entry.path), "variant": entry.variant})
-    return [entry.id for entry in found]
+    return [entry.id for entry in known]
 
 
 def _add(task_id: str, kwargs: dict[str, Any]) -> None:
@@ -217,10 +219,11 @@ def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> 
     try:
         return load(source, variant, **given)
     except SpecError as error:
-        unknown = [name for name in given for d in error.diagnostics if f"has no parameter '{name}'" in d.message]
-        if unknown:
-            text = f"{error}\n(got an unexpected keyword argument '{unknown[0]}')"
-            raise UnexpectedKeywordError(text, error.diagnostics) from None
+        messages = " ".join(diagnostic.message for diagnostic in error.diagnostics)
+        for name in given:
+            if f"has no parameter '{name}'" in messages:
+                text = f"{error}\n(got an unexpected keyword argument '{name}')"
+                raise UnexpectedKeywordError(text, error.diagnostics) from None
         raise
 
 

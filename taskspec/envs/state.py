@@ -177,8 +177,11 @@ class LaneView:
         """The present state by component: labels for choices, numbers, arrays for vectors."""
         if not self.started:
             raise NotRunningError("E707: there is no state before the first reset()")
-        values = [s[..., self.number] for s in self.engine.buffers.state]
-        return plain_state(self.task, tuple(v.ravel().tolist() if v.ndim else v.item() for v in values))
+        values = []
+        for of_lanes in self.engine.buffers.state:
+            value = of_lanes[..., self.number]
+            values.append(value.ravel().tolist() if value.ndim else value.item())
+        return plain_state(self.task, tuple(values))
 
     @property
     def time(self) -> int:
@@ -207,9 +210,9 @@ class LaneView:
         """Return the legal actions of the present state, bool (n,)."""
         if not self.task.mask:
             return all_legal(self.task)
-        states = {
-            c.name: s[..., self.number, None] for c, s in zip(self.task.state, self.engine.buffers.state, strict=True)
-        }
+        states = {}
+        for c, values in zip(self.task.state, self.engine.buffers.state, strict=True):
+            states[c.name] = values[..., self.number, None]
         return action_mask(self.task, states)[:, 0]
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:

@@ -274,8 +274,10 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         if seed is None:
             pass
         elif not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
-            every = draws.lane_seeds(seed_of(seed), self.num_envs)
-            self._engine.seed(every if lanes is None else every[lanes], lanes)
+            seeds = draws.lane_seeds(seed_of(seed), self.num_envs)
+            if lanes is not None:
+                seeds = seeds[lanes]
+            self._engine.seed(seeds, lanes)
         else:
             self._seed_each(list(seed), lanes)
         self._seeded = True
@@ -283,8 +285,13 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _seed_each(self, seeds: list[int | None], lanes: Array | None) -> None:
         if len(seeds) != self.num_envs:
             raise invalid(f"{len(seeds)} seeds for {self.num_envs} lanes")
-        allowed = set(range(self.num_envs) if lanes is None else lanes.tolist())
-        given = {i: seed_of(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
+        if lanes is None:
+            lanes = np.arange(self.num_envs)
+        given = {}
+        for lane in sorted(lanes.tolist()):
+            seed = seeds[lane]
+            if seed is not None:
+                given[lane] = seed_of(seed)
         if len(given) == self.num_envs:
             self._engine.seed(np.array(list(given.values()), np.uint64))
         elif given:

@@ -166,7 +166,7 @@ class Workers:
     def _choose(self, worker: _Worker) -> _Call:
         """Take the next call for a process: of its last group, of one that it did earlier, of one that no process did."""
         with self._choosing:
-            done = {group for each in self._workers for group in each.groups}
+            done = set().union(*(each.groups for each in self._workers))
 
             def rank(call: _Call) -> int:
                 if call.group in worker.groups[-1:]:

@@ -144,9 +144,12 @@ def columns(data: Transitions) -> dict[str, Any]:
 
 
 def concatenated(parts: Iterable[Transitions]) -> Transitions:
-    """Return transitions one after the other; at least one part."""
-    held = list(parts)
-    return Transitions(**{name: end_to_end([getattr(part, name) for part in held]) for name in COLUMNS})
+    """Join transitions one after the other; at least one part."""
+    by_part = [columns(part) for part in parts]
+    joined = {}
+    for name in COLUMNS:
+        joined[name] = end_to_end([arrays[name] for arrays in by_part])
+    return Transitions(**joined)
 
 
 # Episodes of a policy, recorded: many at once, in several processes, and the same whatever their number.
@@ -258,18 +261,23 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> 
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
-    """Return the observations that a step leads to: where an episode has ended, its last one."""
+    """Observations that a step leads to: where an episode has ended, its last one."""
     for part, last in zip(parts_of(seen), parts_of(final), strict=True):
         part[ended] = last[ended]
     return seen
 
 
 def _transitions(rows: Sequence[tuple[Any, ...]], first: int) -> Transitions:
-    """Return steps of many lanes lane by lane; the lanes' episodes are numbered from `first`."""
-    *kept, running = (map_parts(lambda *parts: np.stack(parts, axis=1), *steps) for steps in zip(*rows, strict=True))
-    seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
+    """Order steps of many lanes by lane; the lanes' episodes are numbered from `first`."""
+    by_lane = [map_parts(_side_by_side, *steps) for steps in zip(*rows, strict=True)]
+    running = by_lane.pop()
+    seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in by_lane)
     lane, time = np.nonzero(running)
     return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
+
+
+def _side_by_side(*steps: Array) -> Array:
+    return np.stack(steps, axis=1)
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.

@@ -210,13 +210,15 @@ def _tabulated(model: Model, policy: TaskPolicy) -> Tabulated | None:
 
 
 def _of_function(model: Model, seen: Seen, function: Callable[[Any], Any]) -> Array | None:
-    """Return the probabilities (1 or T, S, A) that a function of one observation gives; None where it gives actions."""
+    """Probabilities (1 or T, S, A) that a function of one observation gives; None where it gives actions."""
     if not seen.is_known or "rng" in parameters(function):
         return None
     first = _answer(function, seen.at(0), 0)
     if first.shape != (model.n_actions,) or model.task.action_layout.form != "discrete":
         return None
-    rows = [_answer(function, seen.at(t), s) for t in seen.times for s in range(model.n_states)]
+    rows = []
+    for t in seen.times:
+        rows += [_answer(function, seen.at(t), s) for s in range(model.n_states)]
     return np.stack(rows).reshape(-1, model.n_states, model.n_actions)
 
 

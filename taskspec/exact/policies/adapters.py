@@ -87,16 +87,21 @@ class ObservationPolicy(TaskPolicy):
         self._words = WordLayout.of(task.observation.nodes)
 
     def observe(self, states: State, t: int, rng: np.random.Generator) -> Any:
-        """Return observations (N, *shape) of states by component, (*shape, N); a dict of them for a dict space."""
+        """Observe states by component, (*shape, N): observations (N, *shape), or a dict of them for a dict space."""
         lanes = next(iter(states.values())).shape[-1]
         words = rng.integers(0, 2**32, (self._words.count, lanes), dtype=np.uint32)
         values = evaluate(self.task.observation.nodes, reads_of(states, {}, t), batch_sampler(self._words, words))
-        flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
-        return spaces.pack_many(self.layout, flat)
+        rows = []
+        for value in values:
+            spread = np.broadcast_to(value, (*value.shape[:-1], lanes))
+            rows.append(spread.reshape(-1, lanes).T)
+        return spaces.pack_many(self.layout, rows)
 
     def batch(self, states: State, t: int, rng: np.random.Generator, observed_at: int | None = None) -> EpisodeBatch:
-        """Return a batch with observations of states; `observed_at` is the time they show, if it differs from `t`."""
-        observations = self.observe(states, t if observed_at is None else observed_at, rng)
+        """Make a batch with observations of states; `observed_at` is the time they show, if it differs from `t`."""
+        if observed_at is None:
+            observed_at = t
+        observations = self.observe(states, observed_at, rng)
         return EpisodeBatch.sharing(t, states, observations, rng)
 
     @abstractmethod
@@ -141,9 +146,12 @@ class ObservationPolicy(TaskPolicy):
             "probabilities": self._probabilities,
             "actions": self._constant,
         }
+        times = 1
+        if self.sees_time:
+            times = model.horizon or 1
         for asked, answer in asks.items():
             found = []
-            for t in range(model.horizon or 1 if self.sees_time else 1):
+            for t in range(times):
                 table = answer(model, t)
                 if table is None:
                     break

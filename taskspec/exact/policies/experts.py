@@ -40,7 +40,9 @@ class Expert:
 
     def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
         task = load(task)
-        self.given: Given = None if policy is None else planned(str(policy))
+        self.given: Given = None
+        if policy is not None:
+            self.given = planned(str(policy))
         if policy is not None and self.given is None:
             misused(f"{policy!r} is not an expert", '"optimal", or "soft(1)" with a number')
         if task.annotations.expert is None and self.given is None:
@@ -50,7 +52,9 @@ class Expert:
         self.rng: np.random.Generator = np.random.default_rng(seed)
         self.observation: spaces.SpaceLayout = task.observation_layout
         self.action: spaces.SpaceLayout = task.action_layout
-        self.memory: ExpertMemory | None = task.annotations.memory if self.given is None else None
+        self.memory: ExpertMemory | None = None
+        if self.given is None:
+            self.memory = task.annotations.memory
         self.is_expressed: bool = isinstance(task.annotations.expert, tuple) and self.given is None
         needed = set(all_names(task.state))
         if isinstance(task.annotations.expert, tuple) and self.is_expressed:
@@ -85,13 +89,18 @@ class Expert:
         if episode_start is not None:
             steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
         memories = self._remembered(batch, steps, state)
-        actions = [self._choose(o, int(t), m, deterministic) for o, t, m in zip(batch, steps, memories, strict=True)]
+        actions = []
+        for seen, t, memory in zip(batch, steps, memories, strict=True):
+            actions.append(self._choose(seen, int(t), memory, deterministic))
         packed = [spaces.pack(self.action, action) for action in actions]
         kept: list[Array] = []
         if self.memory is not None:
             kept += [np.array(rows) for rows in zip(*memories, strict=True)]
             kept += [np.array(rows) for rows in zip(*actions, strict=True)]
-        return (packed[0] if single else np.stack(packed)), (steps + 1, *kept)
+        state = (steps + 1, *kept)
+        if single:
+            return packed[0], state
+        return np.stack(packed), state
 
     def __call__(self, observation: Any, state: Any = None, episode_start: Any = None) -> tuple[Any, Any]:
         """Return what `predict` returns; imitation's rollouts call policies like this."""
@@ -132,8 +141,9 @@ class Expert:
         self, observation: Any, t: int, memory: list[tuple[Any, ...]], deterministic: bool
     ) -> list[tuple[Any, ...]]:
         states = self._states(observation)
-        for c, flat in zip(() if self.memory is None else self.memory.components, memory, strict=True):
-            states[c.name] = np.array(flat).reshape(*c.type.shape, 1)
+        if self.memory is not None:
+            for c, flat in zip(self.memory.components, memory, strict=True):
+                states[c.name] = np.array(flat).reshape(*c.type.shape, 1)
         if self.is_expressed:
             chosen = by_expert(self.task)(states, t, self.rng)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import itertools
 import json
 import sys
 import zlib
@@ -119,11 +120,7 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
     text = path.read_text(encoding="utf-8", errors="replace")
     is_list = len(task.action) > 1 or bool(task.action[0].type.shape)  # an action is written as a list
     if path.suffix == ".csv":
-        items: list[Any] = []
-        for row in csv.reader(text.splitlines()):
-            if any(row):
-                cells = [_number(cell.strip()) for cell in row]
-                items.append(cells[0] if len(cells) == 1 and not is_list else cells)
+        items = _rows(text, is_list)
         names = all_names(task.action)
         if items and items[0] in (names, names[0]):
             items = items[1:]
@@ -137,10 +134,22 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
         raise SpecError([Diagnostic("E713", None, f"'{path}' is not a list of actions", hint)])
     is_nested = all(isinstance(item, list) for item in data)
     if is_nested and is_list:
-        is_nested = all(isinstance(part, list | dict) for item in data for part in item)
+        is_nested = all(isinstance(part, list | dict) for part in itertools.chain.from_iterable(data))
     if is_nested:
         return data
     return [data]
+
+
+def _rows(text: str, is_list: bool) -> list[Any]:
+    rows: list[Any] = []
+    for row in csv.reader(text.splitlines()):
+        if any(row):
+            cells = [_number(cell.strip()) for cell in row]
+            if is_list or len(cells) > 1:
+                rows.append(cells)
+            else:
+                rows += cells
+    return rows
 
 
 def _number(cell: str) -> Any:
@@ -152,7 +161,11 @@ def _number(cell: str) -> Any:
 
 def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...]]:
     try:
-        parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
+        parts: Sequence[Any]
+        if isinstance(item, dict):
+            parts = [item[c.name] for c in task.action]
+        else:
+            parts = _parts(task, item)
         return [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]
     except (KeyError, ValueError, TypeError):
         message = f"{path}: {json.dumps(item)} is not an action of {task.id}"

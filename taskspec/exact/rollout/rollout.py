@@ -99,8 +99,11 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
 
 
 def is_bounded(task: Task) -> bool:
-    """Return whether every action has both ends, so that there are uniformly random ones."""
-    return all(map(math.isfinite, (v for c in task.action for v in (*c.low, *c.high))))
+    """Tell whether every action has both ends, so that there are uniformly random ones."""
+    ends: list[float] = []
+    for c in task.action:
+        ends += [*c.low, *c.high]
+    return all(map(math.isfinite, ends))
 
 
 def at_random(task: Task) -> Choose:
@@ -133,8 +136,10 @@ def uniform(c: Component, lanes: int, rng: np.random.Generator) -> Array:
         else:
             row = rng.standard_normal(lanes)
         rows.append(row)
-    values = np.array(rows).reshape(*c.type.shape, lanes)
-    return values if c.type.kind is Kind.REAL else np.rint(values).astype(_DTYPES[c.type.kind])
+    values: Array = np.array(rows).reshape(*c.type.shape, lanes)
+    if c.type.kind is Kind.REAL:
+        return values
+    return np.asarray(np.rint(values).astype(_DTYPES[c.type.kind]))
 
 
 _DTYPES = {Kind.BOOL: np.bool_, Kind.INT: np.int64}
@@ -237,12 +242,17 @@ def _episodes(
 
 
 def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
-    return {key: _spread(value, len(lanes))[..., lanes] for key, value in reads.items()}
+    picked = {}
+    for key, values in reads.items():
+        picked[key] = _spread(values, len(lanes))[..., lanes]
+    return picked
 
 
 def _spread(values: Array, lanes: int) -> Array:
-    """Return values (*shape, 1) or (*shape, lanes) as (*shape, lanes)."""
-    return values if values.shape[-1] == lanes else np.broadcast_to(values, (*values.shape[:-1], lanes))
+    """Broadcast values (*shape, 1) or (*shape, lanes) to (*shape, lanes)."""
+    if values.shape[-1] == lanes:
+        return values
+    return np.broadcast_to(values, (*values.shape[:-1], lanes))
 
 
 def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
@@ -272,7 +282,8 @@ def _within(c: Component, values: Array) -> Array:
     """Clip actions to the action space: an expert that is not checked yet may leave it."""
     if c.type.kind is Kind.BOOL or (not c.is_finite and c.type.kind is Kind.INT):
         return values
-    low, high = (np.array(ends, values.dtype).reshape(*c.type.shape, 1) for ends in (c.low, c.high))
+    low = np.array(c.low, values.dtype).reshape(*c.type.shape, 1)
+    high = np.array(c.high, values.dtype).reshape(*c.type.shape, 1)
     return np.clip(values, low, high)
 
 
@@ -363,7 +374,9 @@ def _refuse_endless(task: Task, steps: int) -> NoReturn:
 
 def return_range(task: Task) -> tuple[float, float]:
     """Return bounds of the return of an episode, from bounds of the reward."""
-    weight = math.inf if task.horizon is None else float(task.horizon)  # sum of gamma**t over the longest episode
+    weight = math.inf  # sum of gamma**t over the longest episode
+    if task.horizon is not None:
+        weight = float(task.horizon)
     gap = 1 - task.discount
     if gap == 1:
         weight = 1.0

@@ -306,7 +306,7 @@ def compared(
     names: Sequence[Name],
     only_below: Sequence[bool] | bool = False,
 ) -> dict[Name, Difference]:
-    """Return the same differences by name.
+    """Test the differences of two samples, by name.
 
     Args:
         rows: numbers by name, for each row; its key says whether it is in the first sample, and which one it is.
@@ -315,7 +315,9 @@ def compared(
     """
     if not names:
         return {}
-    scores = np.array([[row.get(name, np.nan) for name in names] for row in rows.values()])
+    scores = np.full((len(rows), len(names)), np.nan)
+    for i, row in enumerate(rows.values()):
+        scores[i] = [row.get(name, np.nan) for name in names]
     is_first = np.array([first for first, _ in rows])
     return dict(zip(names, differences(scores, is_first, only_below), strict=True))
 
