@@ -70,7 +70,7 @@ def test_scalar_and_numpy_at_its_defaults(task_id: str) -> None:
         Agreement(task_id, "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(steps_of(task, 20))
 
 
-@pytest.mark.parametrize("task_id", IDS)
+@pytest.mark.parametrize("task_id", sparse(IDS, 4))
 def test_scalar_and_numpy_at_the_ends_of_each_parameter(task_id: str) -> None:
     for task in at_ends(task_id):
         walk_together(taskspec.make(task.instance_id), 11, steps_of(task, 10))
@@ -79,7 +79,7 @@ def test_scalar_and_numpy_at_the_ends_of_each_parameter(task_id: str) -> None:
 
 
 @needs_vectors()
-@pytest.mark.parametrize("task_id", sparse(IDS, 25))
+@pytest.mark.parametrize("task_id", sparse(IDS, 40))
 @pytest.mark.parametrize("backend", ["numba", "jax"])
 def test_compiled_backends(backend: str, task_id: str) -> None:
     pytest.importorskip(backend)

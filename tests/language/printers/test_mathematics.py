@@ -297,7 +297,7 @@ DANGEROUS = re.compile(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(alphabet=st.sampled_from("\\{}[]()$&#%_^~<>\"'`|abcinputwrite18 \n;,.-+=/*"), max_size=60))
 def test_no_tex_can_smuggle_a_command(source: str) -> None:
     found = latex(read_tex(source))
@@ -306,7 +306,7 @@ def test_no_tex_can_smuggle_a_command(source: str) -> None:
     ElementTree.fromstring(mathml(read_tex(source)))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(max_size=60))
 def test_escaped_text_holds_no_command_of_its_own(source: str) -> None:
     found = escape(source)

@@ -49,7 +49,7 @@ def walk(env: Any, seed: int, steps: int = 3) -> list[Any]:
     return seen
 
 
-@pytest.mark.parametrize("name", sparse(IDS, 5))
+@pytest.mark.parametrize("name", sparse(IDS, 10))
 def test_gymnasium_is_content_with_every_way_to_render(name: str) -> None:
     env = gym.make(name, render_mode="rgb_array").unwrapped
     for mode in MODES:
