@@ -171,11 +171,10 @@ def test_check_says_what_is_wrong_and_where(case: str, tmp_path: Path) -> None:
     assert words in done.out
 
 
-@pytest.mark.parametrize("path", sorted(ERRORS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_check_survives_every_broken_spec(path: Path) -> None:
-    done = Done("check", path, "--json", "--strict")
+def test_check_survives_all_broken_specs() -> None:
+    done = Done("check", ERRORS, "--json", "--strict")
     assert done.status == 1
-    assert path.stem[:4] in [d["code"] for d in done.data["diagnostics"]]
+    assert {path.stem[:4] for path in ERRORS.glob("*.yaml")} <= {d["code"] for d in done.data["diagnostics"]}
 
 
 def test_check_tells_what_variants_share_once(tmp_path: Path) -> None:

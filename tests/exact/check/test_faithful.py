@@ -25,6 +25,7 @@ from taskspec.language.expressions.syntax import SourceText
 from taskspec.language.expressions.types import Role
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[3]
 
@@ -317,3 +318,11 @@ def test_what_depends_on_order_alone(text: str) -> None:
             assert one == other
         elif how is Dependence.SELECTION:
             assert tuple(steps[v] for v in one) == other
+
+
+def test_a_stand_in_that_starts_outside_its_states_gives_no_results() -> None:
+    sort = spec_file("sort").read_text(encoding="utf-8")
+    assert sort.count("low: 0, high: L - 1, doc: rank") == 1
+    text = sort.replace("low: 0, high: L - 1, doc: rank", "low: 1, high: L - 1, doc: rank")
+    found = {d.code for d in exact.check(build(source.read_text(text))).diagnostics}
+    assert found - {"W531"} == {"E602", "W522"}  # its bibliography is in the folder of the suite
