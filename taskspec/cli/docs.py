@@ -20,7 +20,16 @@ if TYPE_CHECKING:
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
 Results = Annotated[bool, Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
-Brief = Annotated[bool, Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
+Brief = Annotated[
+    bool | None,
+    Option(
+        "--brief/--full",
+        help="Half a page for each task: its definition, figure and scores. By default, LaTeX and PDF of more than three tasks.",
+    ),
+]
+MOST_IN_FULL = 3
+"""From more tasks than these on, what is written for paper is brief."""
+ON_PAPER = {"latex", "pdf", "svg"}
 Title = Annotated[str, Option("--title", help="Title of the document; the suite's name by default.")]
 
 
@@ -33,7 +42,7 @@ def docs(
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
     results: Results = True,
-    brief: Brief = False,
+    brief: Brief = None,
     title: Title = "",
     json: options.Json = False,
     limits: options.LimitsGiven = None,
@@ -55,7 +64,8 @@ def docs(
     from taskspec.show.figures import HINT
     from taskspec.show.pages.write import facts_of
 
-    wanted = options.checked_choices("--format", format or ["html"], FORMATS)
+    wanted = options.checked_choices("--format", format or ["html"], (*FORMATS, "md"))
+    wanted = ["markdown" if name == "md" else name for name in wanted]
     columns = settings(parameters) if parameters else ()
     tasks: list[Task] = []
     warnings: list[Diagnostic] = []
@@ -75,6 +85,8 @@ def docs(
             facts = facts_of(tasks, problems)
         else:
             facts = {}
+        if brief is None:
+            brief = set(wanted) <= ON_PAPER and len({task.id for task in tasks}) > MOST_IN_FULL
         written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
     print_diagnostics([*problems, *warnings])
     if not written:  # of figures alone, as every task has a page

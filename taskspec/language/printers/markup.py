@@ -28,6 +28,8 @@ _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r
 LONG = 16.0  # from this width on, in letters, a list may break after its commas
 _RELATIONS = frozenset(c.TEX_SYMBOL) - {"∞"}
 _NAMES = {"arg min": r"\arg\min ", "arg max": r"\arg\max "} | {name: rf"\{name} " for name in c.FUNCTIONS}
+_LOWERED = '<mpadded voffset="-0.45em" height="0.2em"><mstyle scriptlevel="-1">{}</mstyle></mpadded>'
+"""A prime above an index: a superscript would raise the sign twice, and make it small."""
 _SYMBOLS = {"mod": r" \bmod ", ",": ", ", ";": "; ", "′": "'"}
 
 
@@ -230,17 +232,7 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Accent(mark=mark, body=body):
             return f'<mover accent="true">{_element(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
         case m.Script(base=base, sub=sub, sup=sup, primes=primes):
-            if sup is None:
-                above = None
-            else:
-                above = _element(sup)
-            if primes:
-                marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
-                if above is None:
-                    above = marks
-                else:
-                    above = f"<mrow>{marks}{above}</mrow>"
-            return _scripted("sub", "sup", _element(base), sub, above)
+            return _primed(base, sub, sup, primes)
         case m.Fence(left=left, body=body, right=right):
             return _fenced(left, _element(body), right, m.is_tall(body))
         case m.Cases(rows=rows):
@@ -294,6 +286,21 @@ def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
     if right:
         inner += f'<mo fence="true" form="postfix"{fixed}>{html.escape(right)}</mo>'
     return f"<mrow>{inner}</mrow>"
+
+
+def _primed(base: m.Math, sub: m.Math | None, sup: m.Math | None, primes: int) -> str:
+    """Set scripts and primes; a prime without an index stands beside the base, as the sign is as high as a superscript."""
+    inner = _element(base)
+    above = None
+    if sup is not None:
+        above = _element(sup)
+    if primes:
+        marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
+        if sub is None or above is not None:
+            inner = f"<mrow>{inner}{marks}</mrow>"
+        else:
+            above = _LOWERED.format(marks)
+    return _scripted("sub", "sup", inner, sub, above)
 
 
 def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -12,6 +13,7 @@ from taskspec.exact import Model, Report, Results, Return, Verdict, pomdp_bounds
 from taskspec.exact.scores.returns import CLAIMS
 from taskspec.exact.solve.enclosure import Enclosure
 from taskspec.language.printers import tree as m
+from taskspec.language.printers.text import plain
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.show.pages.prose import CellTable, Formula, Inlines, Mark, Text
@@ -138,7 +140,7 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
 
 def _score(score: Return) -> Inlines:
     if not score.episodes:
-        return (Formula(number(score.value)),)
+        return (Formula(number(score.value), short=_short(score.value)),)
     if score.half == 0:
         return (Formula(_estimate(score.value)), Text(f" (in all of {score.episodes:,} episodes)"))
     value: m.Math = _estimate(score.value)
@@ -150,6 +152,19 @@ def _score(score: Return) -> Inlines:
             value = m.Row((m.Sym("−"), value))
         half = m.Num(f"{score.half:.{digits}f}")
     return (Formula(value), Text(" ± "), Formula(half), Text(f" (95 % CI, {score.episodes:,} episodes)"))
+
+
+def _short(value: Value) -> m.Num | None:
+    """Return a number to three digits, or to a whole one; None where `number` has no more digits than that."""
+    written = plain(number(value))
+    if not _LONG.fullmatch(written):
+        return None
+    places = max(0, 2 - math.floor(math.log10(abs(float(value)))))
+    return m.Num(f"{float(value):.{places}f}".replace("-", "−"))
+
+
+_LONG = re.compile(r"−?(?=[\d.]{6,})\d*\.\d+")
+"""Decimals of more than four digits."""
 
 
 def _estimate(value: Value) -> m.Math:

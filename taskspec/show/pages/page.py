@@ -86,9 +86,13 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     )  # fmt: skip
 
 
+_WORD_ENDS = re.compile(r"(?<=[a-z])(?=[A-Z]|\d+[A-Z](?![a-z]))|(?<=\d)(?=[A-Z][a-z])")
+"""Between words of a name: `Pong|1D`, `Level2|Boss`, `Branching|Seals`."""
+
+
 def anchor(name: str) -> str:
     """Return a name as part of an address or a file name."""
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
+    words = re.sub(_WORD_ENDS, "-", name).lower()
     return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
 
 

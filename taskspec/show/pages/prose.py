@@ -30,10 +30,11 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """Mathematics in a line, or on a line of its own."""
+    """Mathematics in a line, or on a line of its own; where there is room for a tooltip, `short` stands for it."""
 
     math: m.Math
     display: bool = False
+    short: m.Num | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.base.display import listed
 from taskspec.base.files import write_text
 from taskspec.base.limits import telling
 from taskspec.language.registry import load
@@ -112,7 +113,9 @@ def gather_pages(
     scenes = {name: found for name, found in shown if found is not None}
     cited = beside(task.source.document.origin.name for task in tasks)
     names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
-    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
+    if not title and names:
+        title = f"Tasks of {listed(tuple(names))}"
+    return Suite(title or "Tasks", pages, scenes, cited, brief)
 
 
 def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:

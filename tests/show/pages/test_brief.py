@@ -73,7 +73,7 @@ def test_no_sign_ends_a_map(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
 @pytest.mark.usefixtures("kept_log")
 def test_the_tasks_of_the_paper_take_three_pages_at_most(tmp_path: Path) -> None:
-    Done("docs", *(f"derail/{name}" for name in PAPER), "--brief", "-f", "pdf", "-o", tmp_path)
+    Done("docs", *(f"derail/{name}" for name in PAPER), "-f", "pdf", "-o", tmp_path)
     said = subprocess.run(["pdfinfo", tmp_path / "document.pdf"], capture_output=True, text=True, check=True).stdout
     assert 0 < int(re.findall(r"Pages:\s+(\d+)", said)[0]) <= 3
     assert "Overfull" not in (tmp_path / "document.log").read_text(errors="replace")
@@ -107,3 +107,16 @@ def test_each_task_is_told_by_the_one_that_it_differs_least_from(tmp_path: Path)
     write(tasks, ["latex"], tmp_path, brief=True)
     printed = (tmp_path / "first.tex").read_text()
     assert r"\item[Termination] none." in printed and r"\texttt{FirstThird}, as \texttt{FirstOther}:" in printed
+
+
+@pytest.mark.parametrize(
+    ("tasks", "options", "brief"),
+    [(4, (), True), (3, (), False), (4, ("--full",), False), (1, ("--brief",), True), (4, ("-f", "md"), False)],
+)
+def test_more_than_three_tasks_on_paper_are_brief(
+    tasks: int, options: tuple[str, ...], brief: bool, tmp_path: Path
+) -> None:
+    names = [f"derail/{name}" for name in PAPER[:tasks]]
+    assert Done("docs", *names, "-f", "latex", *options, "--no-results", "-o", tmp_path).status == 0
+    text = (tmp_path / "risky-path.tex").read_text(encoding="utf-8")
+    assert (r"\item Expert" not in text) is brief

@@ -284,3 +284,16 @@ def test_pages_show_exact_results_in_the_figure_without_a_script(tmp_path: Path)
         text = path.read_text(encoding="utf-8")
         assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == words
         assert len(re.findall('class="figure(?: film)?"', text)) == len(words) and "<script" not in text
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("Pong1D", "pong-1d"),
+        ("Level2Boss", "level2-boss"),
+        ("BranchingSeals", "branching-seals"),
+        ("CliffWorldXY", "cliff-world-xy"),
+    ],
+)
+def test_file_names_are_the_words_of_the_name(name: str, expected: str) -> None:
+    assert anchor(name) == expected

@@ -50,7 +50,9 @@ def _seen(node: Element) -> Line:
     match node.tag:
         case "mrow" if len(node) == 2 and node[1].tag == "mtable" and node[1].get("class") == "cases":
             return (_table(node[1]),)
-        case "mrow":
+        case "mrow" if len(node) > 1 and _primes(node[-1]):
+            return scripted(line(node[:-1]), None, None, _primes(node[-1]))
+        case "mrow" | "mpadded" | "mstyle":
             return _row(node)
         case "mi" if text == "…":
             return (Mark(text),)
@@ -78,6 +80,12 @@ def _seen(node: Element) -> Line:
             return (_table(node),)
         case other:
             raise Unclear(other)
+
+
+def _primes(node: Element) -> int:
+    """The number of primes in a sign that is nothing else."""
+    text = node.text or ""
+    return len(text) if node.tag == "mo" and set(text) == {"′"} else 0
 
 
 def _raised(node: Element, sub: Line | None, above: Element) -> Line:
