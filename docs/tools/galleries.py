@@ -61,7 +61,8 @@ def suite_page(page: str) -> str | None:
 def gallery_page(name: str) -> str:
     """An index page: a gallery of the tasks of its suite."""
     suite = suite_of(name)
-    return f"# {suite.title}\n\n{SUITES[name].line.capitalize()}.\n\n{_raw(gallery({'': suite}))}"
+    about = SUITES[name]
+    return f"# {suite.title}\n\n{about.line[0].upper()}{about.line[1:]}.\n\n{_raw(gallery({'': suite}))}"
 
 
 def library_gallery() -> str:
