@@ -15,8 +15,8 @@ import gymnasium
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import spec_error
-from taskspec.base.display import visible
+from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.display import number, visible
 from taskspec.base.extras import install_package, need
 from taskspec.envs.options import invalid
 from taskspec.language.expressions.types import Kind
@@ -187,20 +187,41 @@ Step = Callable[[Any, Any, Any, float, bool, bool, dict[str, Any]], None]
 """Called after every step: observation before, observation after, action, reward, terminated, truncated, info."""
 
 
+LEVELS = (5, 3, 2)
+"""Into how many values a real number of an action is cut to be played; the first that leaves enough keys."""
+
+
 def actions(task: Task) -> list[Any]:
-    """Return all actions, in order, the last component changing fastest.
+    """Return all actions, in order, the last component changing fastest; of continuous ones a few between their bounds.
 
     Raises:
-        SpecError: E713, where they are infinite, or more than there are keys.
+        SpecError: E713, where they have no bounds, or are more than there are keys.
     """
     layout = task.action_layout
-    if layout.form == "box" or math.prod(layout.counts) > len(KEYS):
-        message = f"{task.id} cannot be played with the keyboard: it has more actions than {len(KEYS)} keys"
-        raise invalid(message)
+    if layout.form == "box":
+        return _spread(task)
+    if math.prod(layout.counts) > len(KEYS):
+        raise _unplayable(task)
     ranges = [range(start, start + n) for start, n in zip(layout.starts, layout.counts, strict=True)]
     if layout.form == "discrete":
         return list(ranges[0])
     return [np.array(each, np.int64) for each in itertools.product(*map(range, layout.counts))]
+
+
+def _spread(task: Task) -> list[Any]:
+    """Return actions at equal distances from bound to bound: as many values of each number as there are keys for."""
+    layout = task.action_layout
+    low = np.ravel(layout.low)
+    high = np.ravel(layout.high)
+    fitting = [n for n in LEVELS if n ** len(low) <= len(KEYS)]
+    if not fitting or not np.isfinite([low, high]).all():
+        raise _unplayable(task)
+    values = np.linspace(low, high, fitting[0], axis=-1)
+    return [np.reshape(each, layout.shape) for each in itertools.product(*values)]
+
+
+def _unplayable(task: Task) -> SpecError:
+    return invalid(f"{task.id} cannot be played with the keyboard: it has more actions than {len(KEYS)} keys")
 
 
 def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:
@@ -219,7 +240,8 @@ def names(task: Task) -> list[str]:
     for action in actions(task):
         words = []
         for c, value in zip(task.action, unpack(task.action_layout, action), strict=True):
-            words.append(str(labels(c, np.ravel(value)[0] if c.type.is_scalar else value)))
+            label = labels(c, np.ravel(value)[0] if c.type.is_scalar else value)
+            words.append(number(label, 3) if isinstance(label, float) else str(label))
         found.append(", ".join(words))
     return found
 

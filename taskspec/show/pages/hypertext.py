@@ -155,7 +155,7 @@ def _with_tooltip(piece: p.Formula) -> Markup:
     """Return a formula, or the short number that stands for it with the exact one as its tooltip."""
     if piece.short is None:
         return formula(piece.math, piece.display)
-    return Markup('<span class="exact" title="{}">{}</span>').format(plain(piece.math), piece.short.text)
+    return Markup('<span class="exact" title="{}">{}</span>').format(plain(piece.math), formula(piece.short))
 
 
 def formula(math: m.Math, display: bool = False) -> Markup:

@@ -87,12 +87,16 @@ class Folder:
     def listing(self, opened: str | None) -> dict[str, Any]:
         """Return the specs and policies of the folder, and what a new spec can start from."""
         entries = registry.known().values()
+        files = [place for place in self.files(*SPECS) if _is_spec(place)]
+        drawn = (place for place in files if _FIGURE.search(text_of(place)))
+        first = next(drawn, next(iter(files), None))
         policies = [f"{self.relative(place)}:{name}" for place in self.files(".py") for name in functions(place)]
         return {
             "folder": self.root.name,
             "root": self.root.as_uri(),
             "opened": opened,
-            "files": [self.relative(place) for place in self.files(*SPECS) if _is_spec(place)],
+            "files": list(map(self.relative, files)),
+            "first": self.relative(first) if first else None,
             "policies": policies + [self.relative(place) for place in self.files(*SCRIPTS)],
             "templates": [{"id": TEMPLATE, "title": "A corridor, with a comment on each section"}],
             "library": [{"id": entry.id, "title": entry.name} for entry in entries],
@@ -128,6 +132,8 @@ class Folder:
         return {"path": self.relative(place), "digest": digest(text), "uri": place.as_uri()}
 
 
+_FIGURE = re.compile(r"^figure:", re.MULTILINE)
+"""The section of a spec that says how it is drawn."""
 TEMPLATE = "template:corridor"
 """What names the template, beside the ids of the library."""
 

@@ -14,7 +14,7 @@ from typing import Any
 
 TASKS = Path(__file__).parents[3] / "tasks" / "derail"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-TABS = ("Spec", "Play", "Values", "Rollouts", "Difficulty", "Results")
+TABS = ("Spec", "Play", "Values", "Rollouts", "Sweep", "Results")
 
 
 @dataclass(frozen=True)

@@ -227,3 +227,23 @@ def test_copies_are_what_they_say(page: Page, folder: Path, monkeypatch: pytest.
     exec(forms["python"], made)
     assert made["env"].task.name == taskspec.load("risky_path.yaml", "seals").name
     assert page.refusal("copy", **asked, format="pdf")["problems"][0]["code"] == "E726"
+
+
+def test_a_continuous_action_is_played_in_five_steps_from_bound_to_bound(page: Page) -> None:
+    text = (DERAIL / "parabola.yaml").read_text()
+    shown = page.ask("page", text=text, path="parabola.yaml", settings={})
+    assert [action["name"] for action in shown["actions"]] == ["−1", "−0.5", "0", "0.5", "1"]
+    game = page.ask("play", text=text, path="parabola.yaml", settings={}, seed=3, actions=[0, 4, 2])
+    env = taskspec.make("derail/Parabola")
+    env.reset(seed=3)
+    assert [step["reward"] for step in game["steps"]] == [env.step(np.array([value]))[1] for value in (-1.0, 1.0, 0.0)]
+    assert game["return"] == sum(step["reward"] for step in game["steps"])
+
+
+def test_the_first_spec_is_the_first_with_a_figure(tmp_path: Path) -> None:
+    plain = (DERAIL / "branching.yaml").read_text()
+    (tmp_path / "a.yaml").write_text(plain[: plain.index("\nfigure:")])
+    (tmp_path / "b.yaml").write_text(plain)
+    with running(tmp_path) as studio, studio.connect() as socket:
+        listed = Page(socket).ask("files")
+    assert (listed["files"], listed["first"]) == (["a.yaml", "b.yaml"], "b.yaml")

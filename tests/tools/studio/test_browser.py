@@ -67,7 +67,7 @@ def test_a_mistake_is_underlined_and_its_fix_applied_by_key_and_by_click(studio:
     ):
         studio.replace("highlight:", "highlihgt:")
         expect(marked).to_have_text("highlihgt")
-        expect(studio.page.locator("#problems .error")).to_contain_text("line 65")
+        expect(studio.page.locator("#problems .error")).to_contain_text("line 66")
         press()
         expect(marked).to_have_count(0)
         assert "  highlight: {good" in studio.text
@@ -159,9 +159,9 @@ def test_a_film_is_stepped_and_scrubbed(studio: Page) -> None:
     expect(panel).to_contain_text("step 5 of 5: action safe, reward 1, return 4")
 
 
-def test_difficulty_over_a_parameter(studio: Page) -> None:
+def test_exact_returns_over_a_parameter(studio: Page) -> None:
     studio.open("noisy_obs.yaml")
-    panel = studio.show("Difficulty")
+    panel = studio.show("Sweep")
     panel.get_by_label("values").fill("3, 5, 7")
     panel.get_by_label("values").press("Enter")
     expect(panel.locator("tbody tr")).to_have_count(3)

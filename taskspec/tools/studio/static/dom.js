@@ -63,7 +63,7 @@ export function short(number) {
   return number === null ? "–" : String(Number(number.toPrecision(5))).replace("-", "−");
 }
 
-/** Milliseconds after which what is no longer true is greyed. */
+/** Milliseconds after which what is no longer true is greyed, and an empty part says that it is being worked out. */
 const LATE = 150;
 
 /** A part of the page that follows answers: what it shows stays, greyed, until the next answer is there. */
@@ -77,7 +77,7 @@ export class Part {
   /** Show what `draw` makes of an answer, or say why there is none. Mistakes in the text are shown by the editor. */
   async follow(asked, draw) {
     this.element.setAttribute("aria-busy", "true");
-    this.late ??= setTimeout(() => this.element.classList.add("old"), LATE);
+    this.late ??= setTimeout(() => this.element.classList.add(this.content.hasChildNodes() ? "old" : "empty"), LATE);
     const answer = await asked;
     if (answer.outdated) return;
     const hasMistakes = answer.problems?.length > 0;
@@ -85,7 +85,7 @@ export class Part {
     if (!answer.ok) return;
     clearTimeout(this.late);
     this.late = null;
-    this.element.classList.remove("old");
+    this.element.classList.remove("old", "empty");
     this.content.replaceChildren(...draw(answer));
     this.element.removeAttribute("aria-busy");
   }

@@ -36,12 +36,12 @@ export class Files {
     return !this.isUnsaved || confirm("Leave this text without saving it?");
   }
 
-  /** Show what the address shares, else the spec that the command was given, else the first of the folder, else a template. */
+  /** Show what the address shares, else the spec that the command was given, else the first of the folder that has a figure, else a template. */
   async start() {
     this.studio.folder = await this.studio.live.ask("files");
-    const { opened, files, templates } = this.studio.folder;
+    const { opened, first, templates } = this.studio.folder;
     if (await this.loadShared()) return;
-    const path = opened ?? files[0];
+    const path = opened ?? first;
     if (path) this.load("open", { path });
     else this.load("new", { from: templates[0].id, path: null });
   }

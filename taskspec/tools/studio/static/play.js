@@ -41,7 +41,8 @@ export class PlayTab {
   }
 
   ask() {
-    const cannot = { ok: false, message: "This task has more actions than there are keys." };
+    const message = "This task has more actions than there are keys. Rollouts shows episodes of policies.";
+    const cannot = { ok: false, message };
     const asked = this.actions.length ? this.studio.ask("play", { seed: this.seed, actions: this.moves }) : cannot;
     this.part.follow(asked, (episode) => {
       this.episode = episode;

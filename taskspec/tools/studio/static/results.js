@@ -2,6 +2,9 @@
 
 import { Part, make, quiet } from "./dom.js";
 
+const NONE = "This folder holds no results yet. `taskspec exam FILE.py:train -o exam`, run in it, examines a learner, " +
+  "and `taskspec sweep FILE.yaml -o sweep` runs an experiment; cards and plots are shown here.";
+
 /** Return a result in a frame or an image of its own, which is loaded once it is open: nothing of a file may run here. */
 function card({ title, path, html, svg }) {
   const name = title ?? path;
@@ -23,7 +26,7 @@ export class ResultsTab {
 
   show() {
     this.part.follow(this.studio.live.ask("results"), ({ results, more }) => {
-      if (results.length === 0) return [quiet("This folder holds no results of taskspec exam or taskspec sweep.")];
+      if (results.length === 0) return [quiet(NONE)];
       const cards = results.map(card);
       cards[0].open = true;
       return more ? [...cards, quiet(`${more} more`)] : cards;

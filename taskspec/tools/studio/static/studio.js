@@ -1,7 +1,6 @@
 // The page of `taskspec studio`: an editor, and what its text means, following the text.
 
 import { byId, make } from "./dom.js";
-import { DifficultyTab } from "./difficulty.js";
 import { Editor } from "./editor.js";
 import { Files } from "./files.js";
 import { Live } from "./live.js";
@@ -10,12 +9,13 @@ import { ResultsTab } from "./results.js";
 import { RolloutsTab } from "./rollouts.js";
 import { Settings } from "./settings.js";
 import { SpecTab } from "./spec.js";
+import { SweepTab } from "./sweep.js";
 import { ValuesTab } from "./values.js";
 
 /** Milliseconds without a key after which the text is sent. */
 const PAUSE = 25;
 const TABS = {
-  Spec: SpecTab, Play: PlayTab, Values: ValuesTab, Rollouts: RolloutsTab, Difficulty: DifficultyTab, Results: ResultsTab,
+  Spec: SpecTab, Play: PlayTab, Values: ValuesTab, Rollouts: RolloutsTab, Sweep: SweepTab, Results: ResultsTab,
 };
 const NAMES = Object.keys(TABS);
 

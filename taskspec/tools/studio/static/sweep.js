@@ -1,13 +1,13 @@
-// The tab Difficulty: exact returns over the values of a parameter.
+// The tab Sweep: exact returns over the values of a parameter.
 
 import { Part, labelled, make, picture, short, table } from "./dom.js";
 
 const CURVES = ["optimal", "expert", "random", "worst"];
 
-export class DifficultyTab {
+export class SweepTab {
   constructor(studio) {
     this.studio = studio;
-    this.part = new Part("Sweep");
+    this.part = new Part("Exact returns over a parameter");
     this.names = make("select", { onchange: () => this.ask() });
     this.values = make("input", { placeholder: "1, 2, 5, 10", autocomplete: "off", onchange: () => this.ask() });
     this.controls = make("div", { class: "row" }, labelled("parameter", this.names), labelled("values", this.values));
@@ -27,10 +27,10 @@ export class DifficultyTab {
   ask() {
     const parameter = this.names.value;
     const values = this.values.value.split(/[\s,;]+/).filter(Boolean).map(Number).filter(Number.isFinite);
-    const cannot = { ok: false, message: "No parameter of this spec is a number." };
+    const message = "No parameter of this spec is a number. A number under `parameters:` can be swept here.";
+    const cannot = { ok: false, message };
     const asked = parameter ? this.studio.ask("sweep", { parameter, ...(values.length && { values }) }) : cannot;
     this.part.follow(asked, (answer) => this.drawn(answer));
-    if (parameter) this.part.problem.textContent = "Working out the values…";
   }
 
   /** Show the values that are known, and ask again while there are others. */
@@ -38,6 +38,6 @@ export class DifficultyTab {
     if (left.length) this.ask();
     const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null)));
     const values = rows.map((row) => [short(row.value), ...cells(row)]);
-    return [...picture(chart), table("Exact returns", [parameter, ...CURVES], values)];
+    return [...picture(chart), table("Returns", [parameter, ...CURVES], values)];
   }
 }
