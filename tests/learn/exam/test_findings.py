@@ -110,7 +110,7 @@ REFUTED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "learner", "task", "score"), sparse(REFUTED, 3))
+@pytest.mark.parametrize(("name", "learner", "task", "score"), sparse(REFUTED, 7))
 def test_other_results_refute_a_finding(name: str, learner: str, task: str, score: Any) -> None:
     world = learners()
     assert confirmed()[name] == "confirmed"

@@ -111,14 +111,14 @@ SLOW = ("least action", "action before", "reward discounted")
 """Mistakes whose learners need more steps until their values settle."""
 
 
-@pytest.mark.parametrize("mistake", sparse(SAMPLED, 4))
+@pytest.mark.parametrize("mistake", sparse(SAMPLED, 8))
 def test_a_sampled_learner_is_named_by_its_values(mistake: str) -> None:
     steps = 60_000 if mistake in SLOW else 25_000
     tables = [(task, learned_q(task, mistake, seed, steps)) for task in TASKS for seed in range(11, 16)]
     assert explained(tables) in ([mistake], *ALIKE.get(mistake, ()))
 
 
-@pytest.mark.parametrize("steps", [300, 1000, 3000, 8000])
+@pytest.mark.parametrize("steps", [300, 3000])
 @pytest.mark.parametrize("exploration", [0.1, 0.2, 0.4])
 def test_a_learner_that_was_stopped_early_has_no_mistake(steps: int, exploration: float) -> None:
     tables = [(task, learned_q(task, "right", 21, steps, exploration)) for task in TASKS]

@@ -67,7 +67,7 @@ def negated(case: Case) -> AnyTable:
     return learn(case, -1.0)
 
 
-@pytest.mark.parametrize("name", sparse(SHIPPED, 2))
+@pytest.mark.parametrize("name", sparse(SHIPPED, 4))
 def test_instances_of_a_family_tell_learners_apart(name: str) -> None:
     """A right learner of tables wins instances on which one of the negative reward loses."""
     instances = next(rounds(family_of(f"families/{name}"), 0))
