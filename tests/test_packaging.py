@@ -22,6 +22,7 @@ from packaging.requirements import Requirement
 
 import taskspec
 from tests.conftest import ROOT
+from tests.shared.for_each import for_each
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
@@ -133,7 +134,7 @@ def test_one_module_writes_commands_that_install() -> None:
     assert [p.name for p in SOURCES if "pip install" in p.read_text(encoding="utf-8")] == ["extras.py"]
 
 
-@pytest.mark.parametrize("path", PAGES + NOTEBOOKS, ids=lambda path: str(path.relative_to(ROOT)))
+@for_each("path", PAGES + NOTEBOOKS)
 def test_pages_install_the_checkout_with_extras_that_are_declared(path: Path) -> None:
     for found in INSTALLED.findall(path.read_text(encoding="utf-8")):
         name, _, extras = "".join(found).rstrip("]`").partition("[")

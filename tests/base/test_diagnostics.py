@@ -10,6 +10,7 @@ import pytest
 
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError, TaskspecError, render, suggest
+from tests.shared.for_each import for_each
 
 TEXT = "name: x\ndynamics:\n  s': paht + a\n"
 ORIGIN = Origin("tasks/x.yaml", TEXT)
@@ -189,7 +190,7 @@ def test_suggest(name: str, candidates: list[str], expected: str | None) -> None
     assert suggest(name, candidates) == expected
 
 
-@pytest.mark.parametrize("code", codes().values(), ids=lambda code: code.code)
+@for_each("code", codes().values())
 def test_every_code_is_explained(code: object) -> None:
     entry = codes()[code.code]  # type: ignore[attr-defined]
     assert re.fullmatch(r"[EW][1-8]\d\d", entry.code)

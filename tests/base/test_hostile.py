@@ -9,6 +9,7 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
+from tests.shared.for_each import for_each
 from tests.shared.walks import BASE, written
 
 EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'
@@ -27,7 +28,7 @@ NAMES = ["exec", "np", "index", "alive", "past", "episodes", "kept", "o", "h0", 
          "é", "λ", "変数", "x١", "a_0", "absorbed", "seen", "end"]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each("name", NAMES)
 def test_names_do_not_meet_those_of_the_generated_code(name: str) -> None:
     """Components that are called like what the generated code calls its own."""
     text = BASE.replace("s'", f"{name}'").replace("s:", f"{name}:").replace("s +", f"{name} +")
@@ -48,7 +49,7 @@ def test_elements_of_actions_do_not_meet_other_actions() -> None:
     assert env.step(np.array([1, 2, 3]))[1] == 123
 
 
-@pytest.mark.parametrize(
+@for_each(
     "label",
     ["a b", 'c"d', "None", "if", "pi", "t", "T", "sum", "__import__('os').system('x')", "{x}", "%s", "x#y", "go-left",
      "x'", "é", "optimal", "s", "1"],
@@ -97,7 +98,7 @@ COSTLY = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", COSTLY)
+@for_each("case", COSTLY)
 def test_cost_is_refused_before_it_is_spent(case: str) -> None:
     with pytest.raises(SpecError) as caught:
         written(**COSTLY[case])

@@ -12,8 +12,10 @@ from rich.cells import cell_len
 from taskspec.base.codes import classes, codes
 from taskspec.language.registry import shipped, task_ids
 from taskspec.language.suites import SUITES
+from tests.language.task.test_extends import run as run
 from tests.shared.apart import taskspec
 from tests.shared.commands import Done, spec
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
@@ -221,7 +223,7 @@ def test_claims_speak_of_the_default_parameters() -> None:
 EVERY = [*paper_ids(), *map(str, varied_files())]
 
 
-@pytest.mark.parametrize("task", EVERY)
+@for_each("task", EVERY)
 def test_show_is_a_page_of_80_columns(task: str) -> None:
     done = Done("show", task, columns=80)
     assert done.status == 0, done.err
@@ -370,3 +372,15 @@ def test_check_in_several_processes_finds_the_same(tmp_path: Path) -> None:
         found.append(re.sub(r'"seconds": [\d.e-]+', "", done.stdout))
     assert found[0] == found[1]
     assert "E202" in found[0]
+
+
+def test_commands_take_specs_that_extend_another(run: Path) -> None:
+    for command in (["check", "--strict", "--json"], ["list"], ["show"], ["docs", "-o", "pages"]):
+        done = taskspec(run.parent, *command, run)
+        assert done.returncode == 0, done.stdout + done.stderr
+        if "--json" in command:
+            assert [t["id"] for t in json.loads(done.stdout)["tasks"]] == [
+                "runs/Run-v0",
+                "runs/RunShort-v0",
+                "runs/RunLate-v0",
+            ]

@@ -1,4 +1,4 @@
-"""Demonstrations are episodes of the environment, the same whatever records them, and files hold what was recorded."""
+"""`taskspec demos` and `preferences`: the same data whatever writes it, read back, and mistakes."""
 
 from __future__ import annotations
 
@@ -138,3 +138,8 @@ def test_names_and_labels_of_a_spec_are_safe_in_names_of_files(tmp_path: Path) -
     assert not (pages / "con.md").exists()
     assert [p.name for p in pages.iterdir() if p.name.startswith("_con-")]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "pages", "x.yaml"]
+
+
+def test_the_command_line_says_where_data_comes_from(tmp_path: Path) -> None:
+    done = Done("demos", "InitShiftLearner", "-n", 4, "-o", tmp_path / "x.npz")
+    assert "InitShiftExpert" in done.out and "8 transitions of 4 episodes; the policy earns 2 (exact)" in done.out

@@ -1,4 +1,4 @@
-"""`taskspec diff` on pairs of specs that differ in one token, against brute force with the second interpreter."""
+"""`taskspec diff`: files, ids, values of parameters and revisions."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ import pytest
 
 from taskspec.cli import completions
 from tests.shared.commands import Done
+from tests.shared.for_each import for_each
 
 # -- messages -----------------------------------------------------------------------------------------------------
 
@@ -41,9 +42,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("args", "status", "words"), REFUSED, ids=lambda x: " ".join(x) if isinstance(x, list) else None
-)
+@for_each(("args", "status", "words"), REFUSED)
 def test_every_misuse_gets_one_clear_message(args: list[str], status: int, words: str) -> None:
     done = Done(*args)
     assert done.status == status

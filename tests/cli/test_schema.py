@@ -1,10 +1,11 @@
-"""The shape of specs: what is accepted, what is said about the rest, and the JSON Schema."""
+"""The shape of specs and the JSON Schema: mistakes beside each other, variants, and what editors mark."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+import yaml
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.check.file_checks import check_file
@@ -13,6 +14,9 @@ from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.models import Spec
 from taskspec.tools.authoring.checks import examine
+from taskspec.tools.authoring.scaffold import SCAFFOLD
+from tests.language.task.test_json_schema import SHIPPED, Editor, marks
+from tests.language.task.test_json_schema import editor as editor
 from tests.language.task.test_schema import HEAD, WALK, WHOLE
 from tests.shared.commands import Done, spec
 
@@ -109,3 +113,35 @@ def test_an_unknown_key_of_an_experiment_hides_no_other_mistake(tmp_path: Path) 
     assert [(d["code"], d["line"]) for d in found.data["diagnostics"]] == [
         ("E202", 3), ("E702", 6), ("E701", 7), ("E206", 8), ("E713", 9),
     ]  # fmt: skip
+
+
+def test_what_taskspec_new_writes_is_accepted() -> None:
+    assert marks(source.read_text(SCAFFOLD.format(name="Walk", title="Walk")).data) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "parameters: {L: {type: int, default: true}}",
+        "parameters: {L: {type: bool, default: 1}}",
+        "parameters: {L: {type: choice, values: [a], default: 2}}",
+        "state: {s: {type: int, values: [a]}}",
+        "state: {s: {type: choice, values: [a], low: 0}}",
+        "action: {a: {type: bool, symbols: [p, q]}}",
+        "parameters: {2x: {type: int, default: 1}}",
+        "observation: {a-b: s}",
+        "claims: [{clam: a}]",
+        "claims: [3]",
+        "examples: [{state: {s: 1}, action: {a: on}, doc: nothing follows}]",
+    ],
+)
+def test_what_a_schema_can_say_about_keys_and_types(text: str) -> None:
+    whole = source.read_text(SCAFFOLD.format(name="Walk", title="Walk")).data
+    assert marks({**whole, **yaml.safe_load(text)})
+
+
+def test_an_editor_marks_nothing_in_our_specs(editor: Editor) -> None:
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in SHIPPED}
+    texts["scaffold"] = SCAFFOLD.format(name="Walk", title="Walk")
+    marked = {name: found for name, text in texts.items() if (found := editor.marks(name, text))}
+    assert marked == {}

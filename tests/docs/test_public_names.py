@@ -6,8 +6,6 @@ import ast
 import importlib
 import re
 
-import pytest
-
 import taskspec
 from docs.tools.commands import commands
 from docs.tools.names import definition, names, public_modules, public_names
@@ -15,12 +13,13 @@ from taskspec.base.extras import is_installed
 from taskspec.cli.app import COMMANDS, command_name
 from tests.docs.test_snippets import PAGES, blocks
 from tests.shared.commands import Done
+from tests.shared.for_each import for_each
 
 FOR_CONTRIBUTORS = ("architecture.md", "extending.md", "correctness.md")
 NEEDS = {"taskspec.programs.jax": "jax", "taskspec.envs.functional": "jax", "taskspec.envs.sb3": "stable_baselines3"}
 
 
-@pytest.mark.parametrize("module", public_modules())
+@for_each("module", public_modules())
 def test_every_public_name_is_there_and_says_what_it_is(module: str) -> None:
     names = public_names(module)
     assert len(set(names)) == len(names) and not any(name.startswith("_") for name in names)
@@ -73,7 +72,7 @@ def test_the_page_has_every_public_name() -> None:
         assert all(f"| `{name}" in section for name in public_names(module))
 
 
-@pytest.mark.parametrize("name", [command_name(each) for functions in COMMANDS.values() for each in functions])
+@for_each("name", [command_name(each) for functions in COMMANDS.values() for each in functions])
 def test_the_page_of_commands_has_the_options_that_the_help_prints(name: str) -> None:
     page = commands()
     assert f"\n### taskspec {name}\n" in page

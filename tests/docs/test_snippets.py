@@ -43,6 +43,7 @@ from taskspec.learn.learners import learner
 from taskspec.tools.authoring.checks import check_other, examine
 from tests.conftest import needs_vectors
 from tests.shared.apart import Ended, taskspec
+from tests.shared.for_each import for_each
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -168,10 +169,9 @@ def test_pictures_show_what_commands_print(update_golden: bool, monkeypatch: pyt
     assert (pictures.PICTURES / "card-light.svg").read_text(encoding="utf-8") == pictures.card()
 
 
-@pytest.mark.parametrize(
+@for_each(
     "path",
     sorted(DOCS.glob("results/**/exam.json.gz")),
-    ids=lambda path: path.parent.relative_to(DOCS / "results").as_posix(),
 )
 def test_results_have_the_diagnoses_of_the_present_rules(path: Path) -> None:
     exam = results.read(path.parent)

@@ -15,6 +15,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs.options import ActionError, StateError
 from taskspec.programs.backend_table import engine
 from taskspec.programs.vector_program import BadActionError, Options
+from tests.shared.for_each import for_each
 from tests.shared.walks import written
 
 # -- misuse of environments -------------------------------------------------------------------------------------------
@@ -37,7 +38,7 @@ NOT_ACTIONS: dict[str, tuple[str, list[Any]]] = {
 MISUSED = [(form, action) for form, (_, actions) in NOT_ACTIONS.items() for action in actions]
 
 
-@pytest.mark.parametrize(("form", "action"), MISUSED, ids=repr)
+@for_each(("form", "action"), MISUSED)
 def test_what_is_no_action_is_refused_and_changes_nothing(form: str, action: Any) -> None:
     env: Any = taskspec.make(written(action=NOT_ACTIONS[form][0], dynamics=" {s': (s + 1) % 10}"))
     env.reset(seed=0)
@@ -109,7 +110,7 @@ OPTIONS = [5, "x", [("state", {})], {"stat": {}}, {"state": 5}, {"state": [1]}, 
            {"state": {"s": float("nan")}}, {"state": {"s": 10**30}}, {"state": {"s": 1j}}]  # fmt: skip
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=repr)
+@for_each("options", OPTIONS)
 def test_wrong_options_of_reset_are_refused(options: Any) -> None:
     with pytest.raises((StateError, SpecError), match=r"E709|E713"):
         taskspec.make(written()).reset(seed=0, options=options)

@@ -18,6 +18,7 @@ from taskspec.language.task.task import Task
 from tests.conftest import VECTORS, needs_vectors
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 
 IDS = taskspec.task_ids()
@@ -61,7 +62,7 @@ def steps_of(task: Task, most: int) -> int:
     return max(2, min(most, WORK // total_size(walk(task.roots))))
 
 
-@pytest.mark.parametrize("task_id", IDS)
+@for_each("task_id", IDS)
 def test_scalar_and_numpy_at_its_defaults(task_id: str) -> None:
     task = taskspec.load(task_id)
     walk_together(taskspec.make(task_id), 3, steps_of(task, 30))
@@ -116,7 +117,7 @@ NOT_ACCEPTED = {
 """What Gymnasium's checker says of tasks that it does not accept: episodes of one step, and spaces like those of originals."""
 
 
-@pytest.mark.parametrize("task_id", IDS)
+@for_each("task_id", IDS)
 def test_gymnasium_accepts_the_environment(task_id: str) -> None:
     expected = NOT_ACCEPTED.get(task_id)
     if task_id.startswith("seals/"):

@@ -20,6 +20,7 @@ from taskspec.language.task.task import Task
 from taskspec.programs import backend_table
 from taskspec.programs.backend_table import BACKENDS, BackendName
 from tests.shared.conformance import Agreement, check_environment
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file, varied_files
 
@@ -267,7 +268,7 @@ def taskspec_state(seed: int) -> dict[str, object]:
 # -- the kit itself -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("task", TASKS, ids=name_of)
+@for_each("task", TASKS)
 def test_scalar_environments_conform(task: tuple[str, str | None]) -> None:
     check_environment(lambda: taskspec.make(load(task)))
 

@@ -25,6 +25,7 @@ from taskspec.language.task.task import Task
 from taskspec.programs.numba.module import generate
 from taskspec.programs.numpy import compile_numpy
 from taskspec.programs.scalar import compile_scalar
+from tests.shared.for_each import for_each
 from tests.verification.fuzz import corpus
 
 NAMED = ("s", "m", "v", "a", "b", "p", "tab", "twice", "wind", "gust", "o", "u")
@@ -151,24 +152,24 @@ CODE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("first", range(0, len(HOSTILE), 9))
+@for_each("first", range(0, len(HOSTILE), 9))
 def test_every_name_in_every_place(first: int) -> None:
     compare(tuple((HOSTILE * 2)[first : first + len(NAMED)]))
 
 
-@pytest.mark.parametrize("text", CODE)
+@for_each("text", CODE)
 def test_every_text_in_every_place(text: str) -> None:
     compare(PLAIN, (text, text * 2, f"{text} ", f"x{text}"), (text, text, text))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@for_each("seed", range(8))
 def test_mixtures(seed: int) -> None:
     chance = random.Random(seed)
     texts = ["".join(chance.choices(CODE, k=3)) + str(i) for i in range(7)]
     compare(tuple(chance.sample(HOSTILE, len(NAMED))), tuple(texts[:4]), tuple(texts[4:]))
 
 
-@pytest.mark.parametrize("name", [*REFUSED, "", "a b", "a\nb", "x\u200b"])
+@for_each("name", [*REFUSED, "", "a b", "a\nb", "x\u200b"])
 def test_what_is_no_name_is_refused(name: str) -> None:
     for place in range(len(NAMED)):
         with pytest.raises(SpecError):

@@ -19,6 +19,7 @@ from taskspec.language.task.merge import complete
 from taskspec.language.task.parts import FINITE_SPACES
 from taskspec.language.task.task import Task
 from tests.shared.conformance import ReferenceEnv
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
@@ -89,7 +90,7 @@ def walk_together(env: Any, seed: int, steps: int) -> None:
             assert same(env.reset(), reference.reset())
 
 
-@pytest.mark.parametrize("case", EVERY, ids=name)
+@for_each("case", EVERY)
 def test_defaults(case: tuple[str, str | None]) -> None:
     walk_together(taskspec.make(load(case)), 2**63 + 12_345, 60)
 
@@ -120,7 +121,7 @@ def test_compile_options(case: tuple[str, str | None], ending: str, observe_time
     walk_together(taskspec.make(taskspec.modify(task, "time_observed") if observe_time else task), 7, 40)
 
 
-@pytest.mark.parametrize("case", EVERY, ids=name)
+@for_each("case", EVERY)
 def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
     env = taskspec.make(load(case))
     env.reset(seed=5)

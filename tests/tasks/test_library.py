@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from docs.tools.library import COMPARED, EVIDENCE
 from taskspec.base.bibliography import beside
 from taskspec.language import registry, source
 from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.show.figures import scene
+from tests.shared.for_each import for_each
 from tests.shared.specs import ROOT, specs
 
 FILES = specs(*(f"tasks/{suite}/*.yaml" for suite in COMPARED))
@@ -22,7 +21,7 @@ def test_there_are_sixty_tasks() -> None:
     assert len(LIBRARY) >= 60
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@for_each("path", FILES)
 def test_a_spec_says_what_a_reader_looks_for(path: Path) -> None:
     data = source.read_file(path).data
     assert {"summary", "capability", "figure"} <= set(data)
@@ -35,7 +34,7 @@ def test_capabilities_are_those_of_the_list_and_each_has_a_task() -> None:
     assert used == set(CAPABILITIES)
 
 
-@pytest.mark.parametrize("name", LIBRARY)
+@for_each("name", LIBRARY)
 def test_a_task_has_a_figure(name: str) -> None:
     assert scene(registry.load(name)) is not None
 

@@ -15,6 +15,7 @@ from taskspec import load
 from taskspec.exact.abstraction.difference import TaskRelation, compare
 from taskspec.language import source
 from taskspec.language.task.build import build
+from tests.shared.for_each import for_each
 from tests.verification.oracle.reference.model import Key, Model
 from tests.verification.oracle.reference.task import Task
 
@@ -232,7 +233,7 @@ def found_for(one: str, other: str) -> TaskRelation:
     return compare(*(build(source.read_text(text)) for text in (one, other)))
 
 
-@pytest.mark.parametrize(("base", "old", "new", "relation"), EDITS)
+@for_each(("base", "old", "new", "relation"), EDITS)
 def test_one_token_is_told_as_brute_force_has_it(base: str, old: str, new: str, relation: str) -> None:
     first = BASES[base]
     second = first.replace(old, new)

@@ -20,6 +20,7 @@ from taskspec.exact.solve.rational import Rational
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.for_each import for_each
 
 
 def task(text: str, **parameters: Any) -> Task:
@@ -206,7 +207,7 @@ def test_ties_are_ties_however_small_the_rewards() -> None:
     assert status(text, "prefers(optimal, a == 1, at=s == t)") == "proved"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("claim", "expected"),
     [
         ("optimal_return < inf", "proved"),

@@ -16,6 +16,7 @@ from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.language import registry, source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import EVERY, tasks
 
@@ -105,7 +106,7 @@ PROVED = [
 ]
 
 
-@pytest.mark.parametrize("claim", PROVED)
+@for_each("claim", PROVED)
 def test_statements_that_hold(claim: str) -> None:
     found = verdict(claim)
     assert found.status == "proved", found.detail

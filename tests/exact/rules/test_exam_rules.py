@@ -31,6 +31,7 @@ from taskspec.language import registry
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import parse
 from tests.shared.exams import TITLES, entry, exam
+from tests.shared.for_each import for_each
 
 SUITE = registry.tasks_root() / "derail"
 TASKS = tuple(TITLES)
@@ -88,7 +89,7 @@ def test_what_is_compared_with_itself_is_equal_draw_by_draw() -> None:
     assert judged("score(Sort) - score(Sort) == 0", results).holds is True
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rule", "holds"),
     [
         ("score(Sort) > 0.9", True),

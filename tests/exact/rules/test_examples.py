@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -16,6 +15,7 @@ from taskspec.language import source
 from taskspec.language.expressions.ir import draws
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.for_each import for_each
 from tests.shared.specs import EVERY, tasks
 
 ROOT = Path(__file__).parents[3]
@@ -84,7 +84,7 @@ def is_deterministic(task: Task) -> bool:
     )
 
 
-@pytest.mark.parametrize("task", [t for t in tasks(*EVERY) if is_deterministic(t)], ids=lambda t: t.id)
+@for_each("task", [t for t in tasks(*EVERY) if is_deterministic(t)])
 def test_steps_of_environments_are_examples(task: Task) -> None:
     env = taskspec.make(task)
     rng = np.random.default_rng(1)

@@ -21,6 +21,7 @@ from taskspec.exact.scores.difficulty import MEASURES, difficulty
 from taskspec.language.printers import tex
 from taskspec.language.printers.markup import mathml
 from taskspec.language.task.task import Task
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.written_out import TABLES, Table, best_from
 
@@ -208,7 +209,7 @@ def test_names_choose_measures() -> None:
         difficulty("derail/RiskyPath", ["state"])
 
 
-@pytest.mark.parametrize("name", MEASURES)
+@for_each("name", MEASURES)
 def test_measures_say_what_they_are(name: str) -> None:
     measure = MEASURES[name]
     assert measure.name == name

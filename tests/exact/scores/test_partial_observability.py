@@ -12,13 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import load
 from taskspec.base import limits
 from taskspec.exact import PomdpBounds, Results, check, extract, pomdp_bounds
+from taskspec.exact.scores.partial_observability import SEARCHES, best_observing
 from taskspec.exact.solve.enclosure import Enclosure
+from taskspec.language.modifiers import keeps_observers
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.exact.policies.test_memory import TURNS, tiger
+from tests.language.modifiers.test_modifiers import OBSERVED, small
 from tests.shared.specs import spec_file
 
 Look = Callable[[dict[str, Any], int], object]
@@ -260,3 +265,25 @@ def test_what_is_seen_at_random_has_finitely_many_values() -> None:
     told = pomdp_bounds(Results(noisy(["place + Normal()"], stored=False)))
     assert told is not None and told.remembering is None
     assert told.why_not == "the observation 'o0' is random and may have infinitely many values"
+
+
+# -- what modifiers leave to those who see observations alone ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("written", sorted(OBSERVED))
+def test_what_is_said_of_those_who_see_observations_alone_is_so(written: str) -> None:
+    """A task that pays for alternation: who remembers what was done earns all of it, and who does not, less."""
+    task = build(read_text(TURNS))
+    assert keeps_observers(task, written)
+    twin = Results(taskspec.modify(task, written))
+    for which in SEARCHES:
+        assert best_observing(twin, which) == best_observing(Results(task), which)
+
+
+def test_a_permutation_for_each_state_is_kept_from_those_who_do_not_see_the_state() -> None:
+    anew = "permuted_actions=2,per_state=true"
+    assert keeps_observers(small("derail/RiskyPath-v0"), anew)
+    assert not keeps_observers(tiger(), anew)
+    before, after = (best_observing(Results(t), "remembering") for t in (tiger(), taskspec.modify(tiger(), anew)))
+    assert before != after
+    assert not any(keeps_observers(tiger(), each) for each in ("sticky=0.25", "observation_noise=1", "time_observed"))

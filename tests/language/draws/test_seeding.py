@@ -25,6 +25,7 @@ from taskspec.language.task.task import Task
 from taskspec.programs.reference import ReferenceProgram
 from tests.seeding_page import CODE, RESET, STEP, words
 from tests.shared.conformance import Agreement
+from tests.shared.for_each import for_each
 
 U = "UniformInt(0, 1048575)"
 SEED = 2**40 + 7
@@ -166,7 +167,7 @@ def held(task: Task, program: ReferenceProgram, seen: Sequence[tuple[Any, ...]],
     return values | {c.name: v[0] for c, v in zip(task.state, program.state, strict=True)} | {"reward": reward}
 
 
-@pytest.mark.parametrize("name", ORDER)
+@for_each("name", ORDER)
 def test_order(name: str) -> None:
     case = ORDER[name]
     task = spec(case.sections)
@@ -182,7 +183,7 @@ def test_order(name: str) -> None:
         assert {c: now[c] for c in case.step} == {c: given[k] for c, k in case.step.items()}
 
 
-@pytest.mark.parametrize("name", ORDER)
+@for_each("name", ORDER)
 def test_order_in_environments(name: str) -> None:
     """The scalar environment gives every draw the words that the interpreter gives it, and NumPy those of the scalar one."""
     task = spec(ORDER[name].sections)

@@ -12,7 +12,6 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
-import pytest
 
 import taskspec
 from taskspec.language.source import read_text
@@ -20,6 +19,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs.reference import ReferenceProgram
 from tests.seeding_page import CODE, CONSTANT, STEP, words
+from tests.shared.for_each import for_each
 from tests.shared.scripts import DOCS
 
 SEED = 2**40 + 7
@@ -135,7 +135,7 @@ reward: 0
     )
 
 
-@pytest.mark.parametrize("written", VALUES)
+@for_each("written", VALUES)
 def test_values(written: str) -> None:
     task = valued(written)
     program = ReferenceProgram(task, SEED)

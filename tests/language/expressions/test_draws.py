@@ -24,6 +24,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.for_each import for_each
 from tests.shared.solved import random_return
 
 HEAD = """
@@ -118,7 +119,7 @@ def average(value: Callable[..., Any]) -> Fraction:
     return sum(outcomes, Fraction(0)) / len(outcomes)
 
 
-@pytest.mark.parametrize(("text", "value"), CASES, ids=[text for text, _ in CASES])
+@for_each(("text", "value"), CASES)
 def test_what_is_written_once_is_drawn_once(text: str, value: Callable[..., Any]) -> None:
     task = task_of(f"dynamics:\n  s': {'D' if PRIME in text else 's'}\nreward: {json.dumps(text)}\n")
     assert len(draws([*task.process.next, task.process.reward])) == value.__code__.co_argcount + len(

@@ -14,6 +14,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.for_each import for_each
 
 DISTRACTED = """
 taskspec: 1
@@ -116,7 +117,7 @@ def nothing(text: str, **given: Any) -> Task:
     return build(read_text(text), parameters=given)
 
 
-@pytest.mark.parametrize(("reward", "value"), VALUES)
+@for_each(("reward", "value"), VALUES)
 def test_values_of_nothing(reward: str, value: float) -> None:
     env: Any = taskspec.make(nothing(spec(reward)))
     env.reset(seed=1)

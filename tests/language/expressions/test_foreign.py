@@ -15,6 +15,7 @@ from taskspec.envs.vector import VectorEnvironment
 from taskspec.language import source
 from taskspec.language.expressions.parse import FOREIGN
 from taskspec.language.task.build import build
+from tests.shared.for_each import for_each
 
 X = (3, -1, 2)
 Y = (0.5, 4.0, 2.0)
@@ -91,7 +92,7 @@ def _rewards(task: Any) -> np.ndarray:
     return np.asarray(lanes.step(np.zeros(4000, np.int64))[1], np.float64)
 
 
-@pytest.mark.parametrize("name", VALUES)
+@for_each("name", VALUES)
 def test_values_are_those_of_the_library(name: str) -> None:
     value = np.asarray(VALUES[name], np.float64)
     shape = {} if value.shape == () else {"shape": list(value.shape)}
@@ -100,7 +101,7 @@ def test_values_are_those_of_the_library(name: str) -> None:
     np.testing.assert_allclose(np.asarray(state)[0], value, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", FOREIGN)
+@for_each("name", FOREIGN)
 def test_everything_that_is_advised_can_be_written(name: str) -> None:
     build(spec("0", noise={"z": FOREIGN[name]}))
 

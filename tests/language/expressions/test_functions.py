@@ -15,6 +15,7 @@ from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.parse import parse
 from taskspec.language.expressions.scope import Scope
 from taskspec.language.expressions.syntax import SourceText
+from tests.shared.for_each import for_each
 
 SAMPLES = [(f.name, sample) for f in FUNCTIONS.values() for sample in f.samples]
 
@@ -29,7 +30,7 @@ def constant(expression: str) -> Const:
     return value.node
 
 
-@pytest.mark.parametrize(("name", "sample"), SAMPLES)
+@for_each(("name", "sample"), SAMPLES)
 def test_every_sample_can_be_written_and_folds_to_a_constant(name: str, sample: tuple[Any, ...]) -> None:
     node = constant(f"{name}({', '.join(map(repr, sample))})")
     assert len(node.flat) == node.type.size

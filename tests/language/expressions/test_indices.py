@@ -21,6 +21,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement
+from tests.shared.for_each import for_each
 
 SPEC = """
 taskspec: 1
@@ -91,7 +92,7 @@ CASES: dict[str, list[float]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("reward", CASES)
+@for_each("reward", CASES)
 def test_where_an_index_points(reward: str) -> None:
     assert rewards(task_of(reward)) == CASES[reward]
 

@@ -8,7 +8,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import pytest
 
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.evaluate import evaluate
@@ -16,6 +15,7 @@ from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.operators import OPERATORS
 from taskspec.language.expressions.operators.vectors import STRUCTURES
 from taskspec.language.expressions.types import Kind, Role
+from tests.shared.for_each import for_each
 from tests.shared.values import kind_of, type_of
 
 STEPS = {Kind.BOOL: (False, True, True), Kind.INT: (0, 1, 2), Kind.REAL: (0.0, 0.5, 1.0)}
@@ -59,7 +59,7 @@ OF_STRUCTURES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("case", "make", "sample", "linear"), [*OF_OPERATORS, *OF_STRUCTURES])
+@for_each(("case", "make", "sample", "linear"), [*OF_OPERATORS, *OF_STRUCTURES])
 def test_what_is_said_to_be_linear_is(case: str, make: Any, sample: Sequence[Any], linear: Any) -> None:
     for below in product((False, True), repeat=len(sample)):
         if any(below) and linear(below):

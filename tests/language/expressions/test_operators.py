@@ -28,6 +28,7 @@ from taskspec.language.expressions.types import Kind, Role, Type
 from taskspec.language.expressions.variates import WordLayout, batch_sampler, sampler, words_of
 from taskspec.programs import scalar
 from taskspec.programs.lane_form import LaneEmitter, LaneValue
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 
 Flat = tuple[Any, ...]
@@ -180,7 +181,7 @@ def apply_to(name: str) -> Any:
     return lambda b, nodes: b.apply(name, *nodes)
 
 
-@pytest.mark.parametrize("name", OPERATORS)
+@for_each("name", OPERATORS)
 def test_samples_of_operators(name: str) -> None:
     for rows in by_types([[Argument.of(v) for v in sample] for sample in OPERATORS[name].samples]):
         b = Builder()
@@ -204,7 +205,7 @@ def awkward(name: str) -> list[list[Sequence[Argument]]]:
 ELEMENTWISE = [name for name, op in OPERATORS.items() if op.elementwise]
 
 
-@pytest.mark.parametrize("name", ELEMENTWISE)
+@for_each("name", ELEMENTWISE)
 def test_awkward_points_of_operators(name: str) -> None:
     for rows in awkward(name):
         b = Builder()
@@ -263,7 +264,7 @@ def test_samples_of_structure(name: str) -> None:
 # -- functions --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@for_each("name", FUNCTIONS)
 def test_axes_of_functions_are_those_of_what_they_give(name: str) -> None:
     for sample in FUNCTIONS[name].samples:
         b = Builder()
@@ -272,7 +273,7 @@ def test_axes_of_functions_are_those_of_what_they_give(name: str) -> None:
         assert FUNCTIONS[name].axes([len(n.type.shape) for n in nodes]) == len(found.type.shape), sample
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@for_each("name", FUNCTIONS)
 def test_samples_of_functions(name: str) -> None:
     function = FUNCTIONS[name]
     assert function.samples

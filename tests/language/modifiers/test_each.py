@@ -17,6 +17,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.for_each import for_each
 from tests.shared.invariants import broken
 from tests.shared.sparse import sparse
 
@@ -171,9 +172,7 @@ symmetries:
 """
 
 
-@pytest.mark.parametrize(
-    "given", [{n: e.sample(build(read_text(MIXED)))} for n, e in MODIFIERS.items()] + ["horizon=9"], ids=str
-)
+@for_each("given", [{n: e.sample(build(read_text(MIXED)))} for n, e in MODIFIERS.items()] + ["horizon=9"])
 def test_vectors_conditions_choices_and_ints_without_ends(given: Any) -> None:
     task = taskspec.modify(build(read_text(MIXED)), given)
     assert not list(broken(task))
@@ -197,7 +196,7 @@ def test_texts_mappings_and_modifiers_mean_the_same() -> None:
     assert [str(m) for m in envs.task.modifiers] == ["sticky=0.25", "absorbing"]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("written", "code", "part", "hint"),
     [
         ("stiky=0.25", "E718", "no modifier 'stiky'", "sticky"),

@@ -23,6 +23,7 @@ from taskspec.language.task.task import Task
 from taskspec.programs.backend_table import BACKENDS
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.for_each import for_each
 from tests.shared.invariants import broken
 from tests.shared.sparse import sparse
 
@@ -102,7 +103,7 @@ def test_a_modified_task_is_a_task(task_id: str, name: str) -> None:
     assert task.unmodified is small(task_id)
 
 
-@pytest.mark.parametrize(("one", "other"), list(pairwise([*MODIFIERS, *list(MODIFIERS)[:1]])))
+@for_each(("one", "other"), list(pairwise([*MODIFIERS, *list(MODIFIERS)[:1]])))
 def test_modifiers_stand_on_each_other(one: str, other: str) -> None:
     """Two neighbours of the table, either way round: a task of its own each time, and printed in order."""
     base = small("derail/RiskyPath-v0")
@@ -219,7 +220,7 @@ def best_actions(task: Task) -> Any:
     return np.stack([np.eye(model.n_actions)[each] for each in best])
 
 
-@pytest.mark.parametrize(("task_id", "name"), FINITE)
+@for_each(("task_id", "name"), FINITE)
 def test_exact_models_agree_with_simulation(task_id: str, name: str) -> None:
     task = found(task_id, name)
     exact = results(task).random
@@ -228,7 +229,7 @@ def test_exact_models_agree_with_simulation(task_id: str, name: str) -> None:
     assert abs(exact.value - sample.value) <= 5 * sample.error + 1e-9
 
 
-@pytest.mark.parametrize(("task_id", "name"), FINITE)
+@for_each(("task_id", "name"), FINITE)
 def test_an_expert_that_stays_earns_what_it_did(task_id: str, name: str) -> None:
     task = found(task_id, name)
     before = small(task_id)

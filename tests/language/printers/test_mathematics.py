@@ -22,6 +22,7 @@ from taskspec.language.printers.names import Notation, expression, nowhere, symb
 from taskspec.language.printers.rewrites import substitute
 from taskspec.language.printers.tex import read as read_tex
 from taskspec.language.printers.text import text
+from tests.shared.for_each import for_each
 
 PLACE = s.Place(nowhere(""), 0, 0)
 N = Notation(
@@ -36,7 +37,7 @@ def written(source: str) -> str:
     return re.sub(r" *\\allowbreak *", " ", latex(mathematics(parse(nowhere(source)), N)))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("source", "expected"),
     [
         ("L * B", "LB"),
@@ -84,7 +85,7 @@ def test_hand_writing(source: str, expected: str) -> None:
 
 # Brackets: where they are needed for what is meant, where a reader would need them, and nowhere else. Read off the output,
 # and checked by eye.
-@pytest.mark.parametrize(
+@for_each(
     ("source", "expected"),
     [
         ("not (x < y)", r"\taskspecone [x \geq y]"),
@@ -208,7 +209,7 @@ def test_a_condition_is_an_indicator_only_as_a_number() -> None:
     assert latex(mathematics(expr, N)).startswith(r"\taskspecone")
 
 
-@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+@for_each("name", sorted(FUNCTIONS))
 def test_every_function_has_mathematics(name: str) -> None:
     arguments = [a.lstrip("*") for a in FUNCTIONS[name].arguments]
     tree = mathematics(parse(nowhere(f"{name}({', '.join(arguments)})")), Notation())
@@ -242,7 +243,7 @@ def test_symbols_of_names(name: str, expected: str) -> None:
     assert latex(symbol(name)) == expected
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("source", "tex", "text"),
     [(r"\dot\theta", r"\dot{\theta}", "θ̇"), (r"\hat{x}_t", r"\hat{x}_t", "x̂ₜ"), (r"\overline x'", r"\bar{x}'", "x̄′"),
      (r"\frac12", r"\frac{1}{2}", "1/2"), (r"\frac1{23}", r"\frac{1}{23}", "1/23"), (r"\frac{12}x", r"\frac{12}{x}", "12/x"),

@@ -19,6 +19,7 @@ from taskspec.language.source import read_file
 from taskspec.language.task.forms import Forms
 from taskspec.language.task.merge import merge
 from tests.shared.expression_data import data
+from tests.shared.for_each import for_each
 
 PLACE = s.Place(nowhere(""), 0, 0)
 ROOT = Path(__file__).parents[3]
@@ -84,7 +85,7 @@ def test_any_tree_comes_back(tree: s.Expr) -> None:
     assert bare(parsed(written)) == bare(tree), written
 
 
-@pytest.mark.parametrize(
+@for_each(
     "written",
     ["a - (b - c)", "(a - b) - c", "-x**2", "(-x)**2", "a**b**c", "(a**b)**c", "not a == b", "(not a) == b", "x[1:]",
      "x[::2]", "(a if b else c) if d else e", "{p for p in box(-B, B, 2) if norm1(p) <= B}", "(a, b)[i]", "x[i, j]",
@@ -107,7 +108,7 @@ def test_brackets_are_the_fewest(written: str, least: str) -> None:
     assert text(parsed(written)) == least
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("tasks/*/*.yaml")), ids=lambda p: p.stem)
+@for_each("path", sorted(ROOT.glob("tasks/*/*.yaml")))
 def test_sections_of_shipped_specs_come_back_as_yaml(path: Path) -> None:
     """Every expression, tables and `if:` lists included, read again from its printed YAML data."""
     merged = merge(read_file(path))

@@ -10,6 +10,7 @@ import yaml
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.language import source
+from tests.shared.for_each import for_each
 from tests.shared.places import written
 
 
@@ -27,7 +28,7 @@ def only(text: str) -> tuple[str, str, str, str]:
     return problem.code, place, written(problem.span), problem.hint or ""
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "value"),
     [
         ("1", 1),

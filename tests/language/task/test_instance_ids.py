@@ -12,6 +12,7 @@ import pytest
 import taskspec
 from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError
+from tests.shared.for_each import for_each
 
 ID = "derail/NoisyObs-v0?L=50&M=7"
 NUMBERS: tuple[Any, ...] = (0, -3, 10**20, 0.1, 1e-300, 1e300, -0.5, True, False)
@@ -27,7 +28,7 @@ def test_every_task_is_named_by_its_instance_id() -> None:
     assert taskspec.load(taskspec.load("NoisyObs", M=7), L=50).instance_id == ID
 
 
-@pytest.mark.parametrize("value", NUMBERS + TEXTS, ids=repr)
+@for_each("value", NUMBERS + TEXTS)
 def test_values_are_read_back(value: Any) -> None:
     found = ids.parse(str(ids.InstanceId("s/Name-v0", {"x": value, "y": 1}, ("m=0.5,k=a", "n"))))
     assert found.parameters == {"x": value, "y": 1} and type(found.parameters["x"]) is type(value)

@@ -16,6 +16,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build, build_abstract
 from taskspec.language.task.parts import Figure, Symmetry
 from taskspec.language.task.task import Task
+from tests.shared.for_each import for_each
 from tests.shared.invariants import OF_NODES, OF_TASKS, broken, checked
 
 ROOT = Path(__file__).parents[3]
@@ -50,7 +51,7 @@ def tasks(path: Path) -> list[Task]:
     return [t for t in found if t is not None]
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda p: p.stem)
+@for_each("path", SPECS)
 def test_every_task_keeps_them(path: Path) -> None:
     assert [rule for task in tasks(path) for rule in broken(task)] == []
 
@@ -141,7 +142,7 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
 }
 
 
-@pytest.mark.parametrize("rule", [rule for rule, _ in (*OF_NODES, *OF_TASKS)])
+@for_each("rule", [rule for rule, _ in (*OF_NODES, *OF_TASKS)])
 def test_each_notices_a_task_that_breaks_it(rule: str) -> None:
     task = build(read_text(SPEC, "walk.yaml"))
     assert list(broken(task)) == []

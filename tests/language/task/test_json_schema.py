@@ -27,6 +27,7 @@ from taskspec.language.task.build import attempts
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.experiments import Experiment, document_schema
 from taskspec.language.task.schema.export import json_schema
+from tests.shared.for_each import for_each
 from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[3]
@@ -69,12 +70,12 @@ def test_the_schema_is_one() -> None:
     Draft202012Validator.check_schema(json_schema())
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@for_each("path", SHIPPED)
 def test_our_own_specs_are_accepted(path: Path) -> None:
     assert marks(source.read_file(path).data) == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@for_each("page", PAGES)
 def test_specs_on_the_pages_are_accepted(page: Path) -> None:
     """Whole specs, and those that a block of sections makes of the last one."""
     last: dict[str, Any] = {}
@@ -92,7 +93,7 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
         assert marks({**last, **data}) == [], body
 
 
-@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+@for_each("path", BROKEN)
 def test_broken_shapes_are_marked(path: Path) -> None:
     marked = bool(marks(source.read_file(path).data))
     assert marked is (path.stem[:4] not in BEYOND_A_SCHEMA)

@@ -15,9 +15,10 @@ from taskspec.exact import scores
 from taskspec.language.registry import task_ids
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
+from tests.shared.for_each import for_each
 
 
-@pytest.mark.parametrize("task_id", [i for i in task_ids() if i.startswith("derail/")])
+@for_each("task_id", [i for i in task_ids() if i.startswith("derail/")])
 def test_spaces_and_texts_are_those_of_the_environment_and_the_file(task_id: str) -> None:
     task = taskspec.load(task_id)
     env = taskspec.make(task)

@@ -15,6 +15,7 @@ from taskspec.language.task.build import attempts, build
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.schema.models import Spec
+from tests.shared.for_each import for_each
 from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[3]
@@ -64,7 +65,7 @@ def listed(found: tuple[Diagnostic, ...]) -> list[tuple[str, str, str, str]]:
     ]
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+@for_each("path", SPECS)
 def test_our_own_specs_have_the_right_shape(path: Path) -> None:
     assert check_shape(source.read_file(path)) == ()
 

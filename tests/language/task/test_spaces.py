@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 import taskspec
 from taskspec.language import registry
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.spaces import SpaceLayout, pack, pack_many
+from tests.shared.for_each import for_each
 
 ROWS = 9
 
@@ -28,7 +28,7 @@ def columns(layout: SpaceLayout) -> list[np.ndarray[Any, Any]]:
     return found
 
 
-@pytest.mark.parametrize("name", sorted(registry.known()))
+@for_each("name", sorted(registry.known()))
 def test_a_batch_is_its_rows_stacked(name: str) -> None:
     task = taskspec.load(name)
     for layout in (task.observation_layout, task.action_layout):

@@ -20,6 +20,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs import Environment, NotRunningError
 from taskspec.envs.window import Window
 from taskspec.show.figures import render_frame
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids
 
@@ -64,10 +65,9 @@ def test_gymnasium_is_content_with_every_way_to_render(name: str) -> None:
         check_env(env)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "options"),
     [(name, {}) for name in IDS] + list(product(IDS[::6], ({"ending": "absorb"}, {"observe_time": True}))),
-    ids=str,
 )
 def test_pixels_of_the_present_state(name: str, options: dict[str, Any]) -> None:
     env = taskspec.make(name, render_mode="rgb_array", **options)

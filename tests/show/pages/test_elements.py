@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 
-import pytest
-
 from taskspec.language.expressions.parse import parse
 from taskspec.language.printers.expressions import ExpressionWriter, mathematics
 from taskspec.language.printers.names import Notation, nowhere, of_task
@@ -14,6 +12,7 @@ from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.pages.equations import Writing
+from tests.shared.for_each import for_each
 
 SPEC = """
 taskspec: 1
@@ -55,7 +54,7 @@ def written(source: str) -> str:
     return plain(mathematics(parse(nowhere(source)), writing().notation))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("source", "expected"),
     [
         ("sum(x' * w)", "∑_(i) x′ᵢwᵢ"),

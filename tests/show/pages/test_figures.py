@@ -25,6 +25,7 @@ from taskspec.show.figures.states import first_state
 from taskspec.show.figures.vector_formats import svg
 from taskspec.show.pages import gather, write
 from taskspec.show.pages.page import anchor
+from tests.shared.for_each import for_each
 from tests.shared.specs import spec_file, varied_files, without_figure
 
 ROOT = Path(__file__).parents[3]
@@ -192,7 +193,7 @@ def test_unknown_overlay() -> None:
         overlay(task("RiskyPath"), ["colour"])
 
 
-@pytest.mark.parametrize("name", IDS)
+@for_each("name", IDS)
 def test_every_shipped_task_has_a_figure(name: str) -> None:
     found = scene(registry.load(name))
     assert found is not None
@@ -221,7 +222,7 @@ def test_unknown_ending(tmp_path: Path) -> None:
         figure(task("RiskyPath"), tmp_path / "risky.docx")
 
 
-@pytest.mark.parametrize("name", [*IDS, *map(str, SPECS)], ids=lambda x: Path(x).stem)
+@for_each("name", [*IDS, *map(str, SPECS)])
 def test_every_task_has_a_frame(name: str) -> None:
     one = registry.load(name)
     frame = render_frame(one, first_state(one), size=(160, 120))

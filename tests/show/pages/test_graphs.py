@@ -19,6 +19,7 @@ from taskspec.show.figures.layout import drawings, ordered
 from taskspec.show.figures.machine import explore
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
 from taskspec.show.figures.vector_formats import svg, tikz
+from tests.shared.for_each import for_each
 from tests.shared.work import calls
 
 CASES = [(n, a, k, long, starts, 0) for n in (2, 3, 4) for a in (1, 2, 3) for k in (1, 2)
@@ -106,7 +107,7 @@ def drawn(task: Task) -> Scene | None:
     return graph(task, Overlay())
 
 
-@pytest.mark.parametrize("case", CASES[::2], ids=lambda c: "-".join(map(str, c)))
+@for_each("case", CASES[::2])
 def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -> None:
     task = machine(*case)
     found = drawn(task)

@@ -27,6 +27,7 @@ from taskspec.show.pages.page import page
 from taskspec.show.pages.prose import Formula, Inlines, Mark, Text
 from taskspec.show.pages.write import write
 from tests.shared.commands import Done
+from tests.shared.for_each import for_each
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,7 +44,7 @@ def lines(name: str, key: str, **parameters: object) -> list[str]:
     return [words(line.content) for line in section.lines]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "key", "expected"),
     [
         ("RiskyPath", "state", "𝒮"),

@@ -1,4 +1,4 @@
-"""Worked examples: what follows is what environments do; what does not follow is an error at its place."""
+"""Worked examples of variants, on pages and in the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs of many jobs: whatever fails, hangs, dies or is killed, each job is done once, and its result or its message is kept."""
+"""Ctrl-C, while a command runs many jobs: what is done is kept."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from taskspec.language.task.task import Task
 from tests.shared.seals import ALPHA, fits, homogeneous, original, put, stats
 from tests.shared.sparse import sparse
 
-SUITE = Path(__file__).parents[2] / "tasks" / "seals"
+SUITE = Path(__file__).parents[3] / "tasks" / "seals"
 FORMS = {
     "CliffWorld7x4": "CliffWorld",
     "CliffWorld7x4XY": "CliffWorldXY",

@@ -1,4 +1,4 @@
-"""An expert that remembers: its memory beside loops over all that can be heard, and beside episodes of the environment."""
+"""Experts that remember, on the command line and on pages: what they act on, and what is said of them."""
 
 from __future__ import annotations
 

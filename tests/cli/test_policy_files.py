@@ -1,6 +1,4 @@
-"""What a policy is scored as: what it is by itself unless asked otherwise, and exact only where nothing was sampled.
-
-The true values are worked out by hand: InitShift is a tree of two choices, RiskyPath a chain of four states."""
+"""Policies in files: generators, `predict`, and returns beyond all floats."""
 
 from __future__ import annotations
 

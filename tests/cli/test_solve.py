@@ -1,12 +1,27 @@
-"""Commands on tasks that are partly observable."""
+"""`taskspec solve`: measures of difficulty, and what the optimum knows where a task is partly observable."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+from taskspec.exact.scores.difficulty import difficulty
 from tests.shared.apart import taskspec
+from tests.shared.commands import Done
 from tests.shared.specs import spec_file
+
+
+def test_solve_prints_the_measures_and_their_reasons() -> None:
+    lines = Done("solve", "RiskyPath", "--difficulty").out.splitlines()
+    told = {
+        line.split()[0]: line.split()[1] for line in lines if line.startswith("  ") and line.strip() != "difficulty"
+    }
+    assert told["best_at_random"] == "0.5"
+    assert told["effective_horizon"] == "unknown"
+    assert any("deterministic tasks" in line for line in lines)
+    assert Done("solve", "RiskyPath", "--difficulty", "--json").data["difficulty"] == difficulty("RiskyPath").record()
+    assert "difficulty" not in Done("solve", "RiskyPath", "--json").data
+    assert Done("solve", "Parabola", "--difficulty", "-n", 50).out.count("infinitely many values") == 1
 
 
 def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
