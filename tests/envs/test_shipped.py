@@ -80,7 +80,7 @@ def test_scalar_and_numpy_at_the_ends_of_each_parameter(task_id: str) -> None:
 
 
 @needs_vectors()
-@pytest.mark.parametrize("task_id", sparse(IDS, 40))
+@pytest.mark.parametrize("task_id", sparse(IDS, 36))
 @pytest.mark.parametrize("backend", ["numba", "jax"])
 def test_compiled_backends(backend: str, task_id: str) -> None:
     pytest.importorskip(backend)

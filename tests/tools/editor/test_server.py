@@ -78,6 +78,8 @@ class Editor:
 def edited(tmp_path: Path, script: Callable[[Editor], Awaitable[None]]) -> None:
     path = tmp_path / "spec.yaml"
     shutil.copy(SPEC, path)
+    for bibliography in SPEC.parent.glob("*.bib"):
+        shutil.copy(bibliography, tmp_path)
 
     async def session() -> None:
         editor = Editor(path)
