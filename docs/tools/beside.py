@@ -1,7 +1,4 @@
-"""The page `beside.md`: the tasks of DERAIL as the paper's appendix prints them, beside what is printed of them here.
-
-python -m docs.tools.beside
-"""
+"""The page `beside` of the site: the tasks of DERAIL as the paper's appendix prints them, beside what is printed of them here."""
 
 from __future__ import annotations
 
@@ -10,24 +7,14 @@ from pathlib import Path
 
 import yaml
 
-from taskspec.base.files import write_text
 from taskspec.language import registry
 from taskspec.show.pages.page import Page, briefly, page
 from taskspec.show.pages.render.markdown import MarkdownWriter
 from taskspec.show.pages.write import gather_pages
 
 DOCS = Path(__file__).parents[1]
-INTRODUCTION = """\
-# The ten tasks, beside the paper
-
-Where appendix A of the paper contradicts the specs here: on the left what it prints (Freire, Gleave, Toyer and Russell, 2020,
-[arXiv:2012.01365](https://arxiv.org/abs/2012.01365)), word for word (but "per cent" is spelled); on the right what
-`taskspec docs --brief` prints, read off the spec that runs. All other parts agree. [Paper, appendix, code, and this
-suite](fidelity.md) compares the code, too.
-
-`python -m docs.tools.beside` makes this page from `docs/tools/printed.yaml`, which has the whole appendix, and the specs.
-"""
-
+PAGE = DOCS / "explain" / "beside.md"
+"""The introduction, to which the site adds the tasks."""
 
 SECTIONS = {
     "action": "Action space", "dynamics": "Dynamics", "horizon": "Horizon", "initial": "Initial state", "reward": "Rewards",
@@ -42,7 +29,7 @@ def beside() -> str:
     )
     suite = gather_pages([registry.load(f"derail/{name}-v0") for name in printed])
     writer = MarkdownWriter(suite)
-    parts = [INTRODUCTION]
+    parts = [PAGE.read_text(encoding="utf-8")]
     for each in suite.pages:
         parts += _task(each, writer, printed[each.name])
     return "\n".join(parts)
@@ -65,7 +52,3 @@ def _task(each: Page, writer: MarkdownWriter, printed: Mapping[str, list[str]]) 
         said = erratum.source.partition(": ")[2] or erratum.source
         yield f"- *{title}*: in the appendix, {said}; here {erratum.here}{because}."
     yield ""
-
-
-if __name__ == "__main__":
-    write_text(DOCS / "explain" / "beside.md", beside())

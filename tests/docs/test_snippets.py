@@ -34,7 +34,7 @@ from typing import Any
 import pytest
 from gymnasium.envs.registration import registry as gym_registry
 
-from docs.tools import beside, pages, pictures
+from docs.tools import pages, pictures
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language import registry
 from taskspec.language.targets import files_of
@@ -49,7 +49,6 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 GENERATED: dict[str, Callable[[], str]] = {
     **{f"{name}.md": page for name, page in pages.PAGES.items()},
-    "explain/beside.md": beside.beside,
 }
 WRITTEN = ("start", "howto", "explain", "reference")
 PAGES = [

@@ -60,7 +60,7 @@ def write(found: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Pa
 
 
 def markdown(found: FindingsResult, origin: Sequence[str] = (), picture: str = "") -> str:
-    """Return a page in Markdown: the result, a picture, a table in words, and conditions with their evidence.
+    """Return a page in Markdown: the result, a picture, and a table in words.
 
     Args:
         found: the findings with their outcomes.
@@ -76,9 +76,10 @@ def markdown(found: FindingsResult, origin: Sequence[str] = (), picture: str = "
         lines += [f"![{alt}]({picture})", ""]
     in_words = [_in_words(each, found.sets) for each in found.results]
     lines += _table(["", "the paper says", *found.sets], in_words)
-    lines += ["", "## Conditions and evidence", "", EVIDENCE, ""]
-    rows = [_row(each, found.sets) for each in found.results]
-    lines += _table(["", "condition", *found.sets, "sensitive to"], rows)
+    lines += [
+        "",
+        "Conditions, the comparisons that decide, and changes that would alter outcomes are in `findings.html`.",
+    ]
     if origin:
         lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"
@@ -94,7 +95,7 @@ def result(found: FindingsResult) -> str:
 
 
 def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
-    """Return the same page as HTML that stands alone."""
+    """Return a page in HTML that stands alone, with conditions and their evidence, too."""
     described = found.described
     findings = [
         {
@@ -136,24 +137,6 @@ def _in_words(each: FindingResult, sets: Sequence[str]) -> list[str]:
     if entry.note:
         says += f" {entry.note}"
     return [each.name, says, *(f"{SIGNS[each.outcome(name)]} {each.outcome(name)}" for name in sets)]
-
-
-def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:
-    """Return a row of the evidence: the condition, and for each set the comparison that decides."""
-    shown = [_outcome(each, name) for name in sets]
-    sensitive = [f"{o['set']}: {o['sensitivity']}" for o in shown if o["sensitivity"]]
-    return [each.name, f"`{' '.join(each.entry.holds.split())}`", *map(_cell, shown), "; ".join(sensitive)]
-
-
-def _cell(found: Mapping[str, Any]) -> str:
-    if not found["evidence"]:
-        return SIGNS[found["outcome"]]
-    compared, sign, value = found["evidence"].partition(" = ")
-    if found["of"] > 1:
-        number = f" ({found['number']} of {found['of']})"
-    else:
-        number = ""
-    return f"`{compared}`{sign}{value}{number}"
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
