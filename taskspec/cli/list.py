@@ -124,7 +124,7 @@ def _print_table(out: Console, tasks: Sequence[Listed]) -> None:
 
 
 def _print_groups(out: Console, tasks: Sequence[Listed]) -> None:
-    """Print each task on two lines, the second of which says what it is; a capability is the heading of its tasks."""
+    """Print each task on two lines, its name above its summary; a capability is the heading of its tasks."""
     from rich.padding import Padding
 
     from taskspec.language.task.record import horizon, settings, size

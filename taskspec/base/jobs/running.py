@@ -183,7 +183,7 @@ class _Run:
 
 
 def _taken(waiting: dict[str, deque[Job]], handed_out: Counter[str]) -> Job:
-    """Take the next job: of the first group of which a process has too few at hand, if there is one."""
+    """Take the next job, from the first group with too few jobs at hand if there is one."""
     few = (group for group in waiting if handed_out[group] < AHEAD)
     group = next(few, next(iter(waiting)))
     job = waiting[group].popleft()

@@ -273,7 +273,7 @@ class Model:
 
     @cached_property
     def is_closed(self) -> bool:
-        """Whether episodes that begin in any state in which one acts, at any time, stay within the states of the model."""
+        """True where episodes that begin in any state with actions, at any time, stay within the states of the model."""
         if self.n_states == self.states.size:
             return True
         if self.is_timed:

@@ -58,7 +58,7 @@ def backdrop(axes: Any, ends: Ends) -> None:
 
 
 def axis_words(axes: Any, ends: Ends, y: float, size: float) -> None:
-    """Write the words above the strips, from a height in shares of the axes, as far as there is room for them."""
+    """Write the words above the strips, from a height in shares of the axes, while there is room for them."""
     letter = size * LETTER * (ends[1] - ends[0]) / (axes.get_window_extent().width / axes.figure.dpi)
     where = {"transform": axes.get_xaxis_transform(), "color": chart.MUTED, "fontsize": size, "va": "bottom"}
     below = "worse than random"

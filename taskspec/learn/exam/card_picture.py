@@ -87,7 +87,7 @@ def strips(
         named: what each row is called.
         lines: text, colour and weight; wrapped.
         alt: the picture in words.
-        captions: one of which is the line below, where there are no words above: the first that is short enough.
+        captions: candidates for the line below, where there are no words above; the first that is short enough is drawn.
     """
     with chart.style():
         return Chart(_Picture(named, lines, layout, captions).drawn(), alt, is_tight=False)

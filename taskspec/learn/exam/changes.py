@@ -1,4 +1,4 @@
-"""What differs from an earlier exam: flags of scores that fell and of other numbers that changed, and what is nearly one."""
+"""Differences from an earlier exam: flags of scores that fell and of other numbers that changed, and near misses."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exa
 def _farther(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> Iterable[Flag]:
     """Flag learned values that are farther from the right ones than those of an earlier exam, in the mean over tasks.
 
-    In this number many small changes add up, none of which is flagged.
+    In this number many small changes add up, each too small for a flag.
     """
     same = _same_tasks(tasks, against)
     now = _distances(same, scores)

@@ -169,7 +169,7 @@ class Behaviour:
 
     @cached_property
     def last_states(self) -> Array:
-        """How often (S,) an episode is over in each state."""
+        """Number of episodes (S,) that are over in each state."""
         s = self.dynamics
         found: Array = s.P.T @ (self.pi * self.at_limit).reshape(-1)
         if s.P_end is not None:

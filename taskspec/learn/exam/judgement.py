@@ -1,4 +1,4 @@
-"""Which known mistake explains what was learned: all runs of an exam judged together.
+"""Judge all runs of an exam together: a known mistake that explains what was learned.
 
 A mistake is named only if it explains everything, and what is right does not. Its values are reached, and not merely on the way;
 they are clearly nearer than all that is right, by more than chance would have it, and are more than the fit may choose. No task
@@ -49,7 +49,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What explains the runs of an exam.
+    """Explanation of the runs of an exam.
 
     Attributes:
         names: the mistakes that explain them equally well, or one name that is none; empty if nothing known does.

@@ -30,7 +30,7 @@ FEWEST = 3
 
 
 class Fit(NamedTuple):
-    """How far learned values are from a mistake, and how many of them could have told it from right ones."""
+    """Distance of learned values from a mistake, and the number of values in which it differs from right ones."""
 
     distance: float
     values: int
@@ -50,7 +50,7 @@ class BellmanOperator:
             None if they say nothing.
         free: numbers of a task that the fit chooses.
         vague: whether many mistakes lead to it, so that any other that explains the values says more.
-        varies: whether each run has an outcome of its own, so that runs add to what is told.
+        varies: whether each run has an outcome of its own, so that runs add values that differ.
     """
 
     reward: Callable[[Dynamics, Behaviour], Array] = lambda s, acts: s.R

@@ -152,7 +152,7 @@ def article(
 
 
 def _with_tooltip(piece: p.Formula) -> Markup:
-    """Return a formula, or the short number that stands for it with the exact one as its tooltip."""
+    """Return a formula, or the short number in its place with the exact one as its tooltip."""
     if piece.short is None:
         return formula(piece.math, piece.display)
     return Markup('<span class="exact" title="{}">{}</span>').format(plain(piece.math), formula(piece.short))

@@ -30,7 +30,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """Mathematics in a line, or on a line of its own; where there is room for a tooltip, `short` stands for it."""
+    """Mathematics in a line, or on a line of its own; where there is room for a tooltip, `short` is shown in its place."""
 
     math: m.Math
     display: bool = False
