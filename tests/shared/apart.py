@@ -79,6 +79,7 @@ def _become(job: dict[str, Any]) -> None:
     os.chdir(job["folder"])
     os.environ.clear()
     os.environ.update(job["environment"])
+    sys.dont_write_bytecode = "PYTHONDONTWRITEBYTECODE" in os.environ
     limits.limits.cache_clear()
     for name, amount in job["resources"].items():
         resource.setrlimit(getattr(resource, name), (amount, amount))

@@ -116,7 +116,9 @@ def short(n: int) -> str:
     """Return a number of states, from a million on to two digits: `16,384`, `6.8·10¹⁰`."""
     if n < 1_000_000:
         return f"{n:,}"
-    digits = len(str(n)) - 1
+    digits = math.floor(math.log10(n))  # Python refuses to write out numbers of more than 4,300 digits
+    if 10**digits > n:
+        digits -= 1
     return f"{n // 10 ** (digits - 1) / 10:.1f}·10{str(digits).translate(_RAISED)}"
 
 

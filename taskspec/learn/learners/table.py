@@ -203,6 +203,52 @@ class Comparing:
 
 
 @dataclass(frozen=True, slots=True)
+class Grouped:
+    """RLOO and GRPO: the baseline of an episode is what other episodes from the same start return.
+
+    Attributes:
+        groups, group: starts in a round, and episodes from each.
+        baseline: the mean of the other episodes of the group, or of all of them.
+        standardised: advantages are divided by the deviation of the group.
+        average: the loss is the mean over episodes of the mean over their steps, the mean over all steps, or the mean over
+            episodes of the sum over their steps.
+        epochs: gradient steps on a round.
+        kl, kl_in: the weight of the divergence from the reference policy, and whether it lowers returns or is part of the loss.
+    """
+
+    experience: Experience = Experience()
+    hidden: tuple[int, ...] = (64, 64)
+    learning_rate: float = 1e-3
+    groups: int = 4
+    group: int = 8
+    baseline: Literal["others", "group"] = "group"
+    standardised: bool = True
+    average: Literal["episode", "step", "sum"] = "episode"
+    epochs: int = 1
+    clip: float = 0.2
+    kl: float = 0.04
+    kl_in: Literal["return", "loss"] = "loss"
+    gradient_norm: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Direct:
+    """Direct preference optimisation, on pairs of episodes of the reference policy.
+
+    Attributes:
+        pairs: compared in a round, each from one start; a gradient step follows.
+        beta: the weight of the divergence from the reference policy.
+    """
+
+    experience: Experience = Experience()
+    hidden: tuple[int, ...] = (64, 64)
+    learning_rate: float = 1e-3
+    pairs: int = 16
+    beta: float = 0.1
+    gradient_norm: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Matching:
     """Maximum-entropy inverse reinforcement learning on the exact model.
 
@@ -276,6 +322,8 @@ _AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_lo
 _DRLHP_SA = Comparing(budget_factor=0.64)
 _DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
 
+_RLOO = Grouped(baseline="others", standardised=False, average="sum", kl=0.05, kl_in="return")
+
 _REWARD = ("reward",)
 _SHOWN = ("demonstrations",)
 _COMPARED = ("preferences",)
@@ -283,6 +331,8 @@ _PPO = "taskspec.learn.learners.deep.policy_training:train_ppo"
 _BC = "taskspec.learn.learners.deep.policy_training:train_bc"
 _ADVERSARIAL = "taskspec.learn.learners.deep.adversarial:train_adversarial"
 _PREFERENCES = "taskspec.learn.learners.deep.comparisons:train_from_preferences"
+_GROUPED = "taskspec.learn.learners.deep.groups:train_grouped"
+_DIRECT = "taskspec.learn.learners.deep.groups:train_direct"
 _MAXENT = "taskspec.learn.learners.maxent:train_maxent"
 
 BUILT_IN: dict[str, Learner] = {
@@ -304,6 +354,9 @@ BUILT_IN: dict[str, Learner] = {
               "drlhp_sa with some random actions in the episodes that are compared"),
         Learner("drlhp_rnd", "paper", replace(_DRLHP_SA, novelty=Novelty()), _COMPARED, _PREFERENCES,
               "drlhp_sa with a bonus for novelty"),
+        Learner("rloo", "paper", _RLOO, _REWARD, _GROUPED, "REINFORCE with the mean of the other episodes as baseline"),
+        Learner("grpo", "paper", Grouped(), _REWARD, _GROUPED, "policy gradients standardised within groups of episodes"),
+        Learner("dpo", "paper", Direct(), _COMPARED, _DIRECT, "direct preference optimisation, without a reward in between"),
         Learner("maxent", "paper", Matching(causal=False), _SHOWN, _MAXENT,
               "maximum-entropy inverse reinforcement learning on the exact model"),
         Learner("mce", "paper", Matching(), _SHOWN, _MAXENT,

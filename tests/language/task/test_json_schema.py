@@ -32,7 +32,7 @@ from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = specs("tasks/*/*.yaml", "tests/specs/**/*.yaml")
-PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
+PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/*/*.md"))]  # the site writes pages of tasks further below
 BROKEN = sorted(ROOT.glob("tests/errors/E2*.yaml"))
 
 BEYOND_A_SCHEMA = {

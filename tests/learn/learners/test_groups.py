@@ -1,0 +1,109 @@
+"""RLOO, GRPO and DPO: their advantages and losses beside the oracle, and what they learn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec import oracle
+from taskspec.exact import score
+from taskspec.learn.learners import learner
+from tests.shared.cases import Granted
+
+jax = pytest.importorskip("jax")
+pytest.importorskip("optax")
+jnp = jax.numpy
+
+from taskspec.learn.learners.deep import groups  # noqa: E402
+from taskspec.learn.learners.deep.ppo import init_actor  # noqa: E402
+from taskspec.learn.learners.deep.world import World  # noqa: E402
+
+TASK = "derail/EarlyTermPos-v0"  # whose episodes are of unequal length
+AVERAGES: dict[str, Any] = {"episode": "sequence", "step": "token", "sum": 1}
+
+
+def played(number: int) -> tuple[World, Any, Any, groups.GroupEpisodes]:
+    """Two policies, and episodes of the first in pairs."""
+    world = World.of(taskspec.load(TASK), absorb=False)
+    first, second, begin, noise = jax.random.split(jax.random.key(3), 4)
+    actor, other = (init_actor(key, world, (8,)) for key in (first, second))
+    louder = other._replace(net=jax.tree.map(lambda x: 3 * x, other.net))
+    episodes = groups.play(world, actor, groups.begin_groups(world, begin, number, 2), noise)
+    return world, actor, louder, episodes
+
+
+def test_a_group_begins_in_one_state_and_goes_on_by_chance() -> None:
+    world = World.of(taskspec.load("derail/NoisyObs-v0"), absorb=False)
+    walk = groups.begin_groups(world, jax.random.key(0), 5, 4)
+    seen = np.asarray(walk.seen).reshape(5, 4, -1)
+    assert (seen == seen[:, :1]).all()
+    assert len(np.unique(np.asarray(walk.state.key), axis=1).T) == 20
+
+
+def test_episodes_are_over_at_their_ends() -> None:
+    _, _, _, episodes = played(20)
+    ended = np.asarray(episodes.steps.ended)
+    expected = [(np.cumsum(column) - column == 0) for column in ended.T]
+    assert np.array_equal(np.asarray(episodes.live).T, expected)
+    assert len(set(np.asarray(episodes.live).sum(0).tolist())) > 2
+
+
+@pytest.mark.parametrize("name", ["rloo", "grpo"])
+def test_advantages_are_those_of_the_oracle(name: str) -> None:
+    update = groups.GroupUpdate(learner(f"paper/{name}").settings, World.of(taskspec.load(TASK), absorb=False))
+    gained = np.random.default_rng(0).normal(size=(4, 8))
+    gained[1] = 2.0
+    if name == "rloo":
+        expected = oracle.rloo(gained)
+    else:
+        expected = oracle.grpo(gained, ddof=1, epsilon=groups.SMALL)
+    actual = np.asarray(update.advantages(jnp.array(gained.reshape(-1)))).reshape(4, 8)
+    assert np.allclose(actual, expected, atol=1e-4)
+    assert not actual[1].any()
+
+
+@pytest.mark.parametrize("average", AVERAGES)
+def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
+    world, actor, other, episodes = played(6)
+    config = replace(learner("paper/grpo").settings, average=average, kl=0.3)
+    update = groups.GroupUpdate(config, world)
+    log_probs, reference = (groups.log_probs(world, each, episodes) for each in (actor, other))
+    advantages = jnp.linspace(-1, 2, 12)
+    old = log_probs + jnp.linspace(-0.5, 0.5, 12)
+    actual = update.loss(actor, episodes, old, reference, advantages)
+    rows = [np.asarray(each, np.float64).T for each in (log_probs, old)]
+    expected = oracle.grpo_loss(
+        *rows, np.asarray(advantages), np.asarray(episodes.live).T == 1, average=AVERAGES[average],
+        reference_log_probs=np.asarray(reference).T, beta=0.3,
+    )  # fmt: skip
+    assert float(actual) == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
+    world, actor, other, episodes = played(6)
+    update = groups.DirectUpdate(learner("dpo").settings, world, world)
+    reference = groups.log_probs(world, other, episodes)
+    actual = update.loss(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
+    now, before = (
+        np.asarray((each * episodes.live).sum(0), np.float64).reshape(-1, 2)
+        for each in (groups.log_probs(world, actor, episodes), reference)
+    )
+    chosen = np.array([0, 1] * 3)
+    pick = lambda table, column: table[np.arange(6), column]  # noqa: E731
+    expected = oracle.dpo_loss(pick(now, chosen), pick(now, 1 - chosen), pick(before, chosen), pick(before, 1 - chosen))
+    assert float(actual) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "task"), [
+    ("rloo", "RiskyPath"), ("grpo", "RiskyPath"), ("paper/grpo", "EarlyTermNeg"), ("dpo", "EarlyTermNeg"),
+])  # fmt: skip
+def test_they_learn(name: str, task: str) -> None:
+    granted = Granted(task, 60_000, seeds=2)
+    for policy in learner(name)(granted):
+        assert score(granted.task, policy).normalised > 0.9
+    assert granted.counted > 50_000 and len(granted.curve) >= 9
+    assert (granted.compared > 0) == (name == "dpo")
