@@ -113,3 +113,17 @@ class Small:
             return total
 
         return sum(self.start[s] * at(0, s) for s in range(self.states))
+
+
+ROAD = """
+taskspec: 1
+name: Road
+state: {s: {type: int, low: 0, high: 19999}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 500
+initial: {s: 0}
+dynamics: {s': "min(s + a, 19999)"}
+reward: s'
+expert: {a: 1}
+"""
+"""A road of 20,000 places, of which episodes enter 501."""

@@ -5,7 +5,6 @@ Shapes: T times (1 without a horizon), S states, A actions, O observations.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -16,7 +15,9 @@ from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
+from taskspec.exact.policies import networks
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
+from taskspec.exact.policies.networks import evaluating, is_network
 from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of
 from taskspec.exact.policies.values import LAST_AXIS, is_table
 from taskspec.language.registry import load
@@ -177,7 +178,7 @@ def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
 def _of_policy(model: Model, policy: Any) -> Array:
     """Return the probabilities (1 or T, S, A) of a name, a function, a module of PyTorch, or an object with `predict`."""
     seen = Seen(model)
-    if _is_module(policy):
+    if is_network(policy):
         return np.stack([_of_module(policy, seen.at(t)) for t in seen.times])
     if callable(policy) and not hasattr(policy, "predict"):
         rows = _of_function(model, seen, policy)
@@ -226,14 +227,8 @@ def _answer(function: Callable[[Any], Any], observations: Any, lane: int) -> Arr
     return plain(function(observation_of(observations, lane)))
 
 
-def _is_module(policy: Any) -> bool:
-    torch: Any = sys.modules.get("torch")
-    return torch is not None and isinstance(policy, torch.nn.Module) and not hasattr(policy, "predict")
-
-
 def _of_module(module: Any, observations: Any) -> Array:
-    torch: Any = sys.modules["torch"]
-    with torch.no_grad():
+    with evaluating(module) as torch:
         found = module(map_parts(torch.as_tensor, observations))
         if not hasattr(found, "probs"):
             found = torch.distributions.Categorical(logits=found.double())
@@ -242,6 +237,4 @@ def _of_module(module: Any, observations: Any) -> Array:
 
 def plain(values: Any) -> Array:
     """Return values as an array of NumPy: of numbers, lists, arrays of JAX, and tensors with or without a gradient."""
-    if hasattr(values, "detach"):
-        values = values.detach().cpu()
-    return np.asarray(values)
+    return np.asarray(networks.plain(values))

@@ -398,7 +398,7 @@ def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
         parts = [found]
     if any(type(part).__name__ not in ("Categorical", "MaskableCategorical") for part in parts):
         return None
-    rows = [part.probs.detach().cpu().numpy().astype(np.float64) for part in parts]
+    rows = [plain(part.probs).astype(np.float64) for part in parts]
     joint = reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), rows)
     table: Array = joint / joint.sum(axis=1, keepdims=True)
     return table

@@ -6,7 +6,8 @@ PyTorch is no dependency: whoever hands over a network has it.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,19 @@ def outputs_of(function: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *arguments: plain(function(*arguments))
 
 
+@contextmanager
+def evaluating(network: Any) -> Iterator[Any]:
+    """Evaluate a network without gradients, in its mode for evaluation, within a block; PyTorch is what it gives."""
+    torch = importlib.import_module("torch")
+    was_training = network.training
+    network.train(False)
+    try:
+        with torch.no_grad():
+            yield torch
+    finally:
+        network.train(was_training)
+
+
 class _Evaluated:
     """A network as a function of arrays (N, *shape): real numbers in its own precision, whole ones as they are."""
 
@@ -46,24 +60,18 @@ class _Evaluated:
         self.network = network
 
     def __call__(self, *arguments: Any) -> Array:
-        torch = importlib.import_module("torch")
         first = next(iter(self.network.parameters()), None)
-        tensors = []
-        for argument in arguments:
-            tensor = torch.as_tensor(np.asarray(argument))
-            if first is not None and tensor.is_floating_point():
-                tensor = tensor.to(first.dtype)
-            if first is not None:
-                tensor = tensor.to(first.device)
-            tensors.append(tensor)
-        was_training = self.network.training
-        self.network.train(False)
-        try:
-            with torch.no_grad():
-                found = self.network(*tensors)
-        finally:
-            self.network.train(was_training)
-        if not hasattr(found, "detach"):
+        with evaluating(self.network) as torch:
+            tensors = []
+            for argument in arguments:
+                tensor = torch.as_tensor(np.asarray(argument))
+                if first is not None and tensor.is_floating_point():
+                    tensor = tensor.to(first.dtype)
+                if first is not None:
+                    tensor = tensor.to(first.device)
+                tensors.append(tensor)
+            output = self.network(*tensors)
+        if not hasattr(output, "detach"):
             hint = "wrap it in a function of one observation that gives the action"
-            misused(f"a network that is a policy gives one tensor, not {type(found).__name__}", hint)
-        return np.asarray(plain(found))
+            misused(f"a network that is a policy gives one tensor, not {type(output).__name__}", hint)
+        return np.asarray(plain(output))

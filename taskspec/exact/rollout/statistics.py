@@ -338,6 +338,20 @@ def _permutations(is_first: Array) -> Array:
     return np.vstack([is_first, found])
 
 
+def sign_flip_p_value(gains: Sequence[float]) -> float:
+    """Return the p-value of a positive sum of paired gains: the signs of all are flipped, in every way or at random.
+
+    Args:
+        gains: differences of pairs, which are as likely positive as negative if nothing is gained.
+    """
+    if 2 ** len(gains) <= MOST_PERMUTATIONS:
+        signs = np.array(list(itertools.product((1, -1), repeat=len(gains))))
+    else:
+        signs = np.random.default_rng(SEED).choice((1, -1), (MOST_PERMUTATIONS, len(gains)))
+        signs[0] = 1
+    return _share_as_large(signs @ np.array(gains))
+
+
 def _share_as_large(statistic: Array) -> float:
     return float(np.mean(statistic >= statistic[0] - 1e-9))
 

@@ -85,19 +85,8 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> tup
     """Return the blocks that the steps of each block lead to: where those of each begin (blocks + 1,), and their numbers."""
     count = (states + BLOCK - 1) // BLOCK
     first = np.zeros(count + 1, np.int64)
+    found = np.empty(len(columns), np.int32)
     seen = np.full(count, -1, np.int32)
-    for b in range(count):
-        for a in range(actions):
-            start = a * states + b * BLOCK
-            end = a * states + min(states, (b + 1) * BLOCK)
-            for k in range(indptr[start], indptr[end]):
-                to = columns[k] // BLOCK
-                if seen[to] != b:
-                    seen[to] = b
-                    first[b + 1] += 1
-    first = np.cumsum(first)
-    found = np.empty(first[count], np.int32)
-    seen[:] = -1
     at = 0
     for b in range(count):
         for a in range(actions):
@@ -109,7 +98,8 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> tup
                     seen[to] = b
                     found[at] = to
                     at += 1
-    return first, found
+        first[b + 1] = at
+    return first, found[:at].copy()
 
 
 @njit(cache=True)

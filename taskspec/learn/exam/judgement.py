@@ -8,13 +8,13 @@ name costs more than many that are missing.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from taskspec.exact.rollout.statistics import sign_flip_p_value
 from taskspec.learn.exam.operators import FEWEST, OPERATORS
 
 RIGHT = 0.15
@@ -30,8 +30,6 @@ SAME = 0.05
 """Mistakes whose distances differ by less than this, on the tasks where they differ, cannot be told apart."""
 CHANCE = 0.05
 """The probability with which chance alone makes a mistake so much nearer than what is right on the runs (a permutation test)."""
-EXACT, FLIPS = 12, 4096
-"""Runs whose signs are flipped in all ways, at most; and how many ways are tried of more."""
 MOST_TIES = 3
 """Mistakes that are named together, at most."""
 LISTED = 3
@@ -200,13 +198,7 @@ class _Pooled:
             if run.task in tasks and name in run.distances:
                 of_good = min(run.distances[each] for each in self.good if each in run.distances)
                 gains.append(of_good - run.distances[name])
-        if len(gains) <= EXACT:
-            signs = np.array(list(itertools.product((1, -1), repeat=len(gains))))
-        else:
-            signs = np.random.default_rng(0).choice((1, -1), (FLIPS, len(gains)))
-            signs[0] = 1
-        sums = signs @ np.array(gains)
-        return float(np.mean(sums >= sums[0] - 1e-9))
+        return sign_flip_p_value(gains)
 
     def ties(self, first: str, other: str) -> bool:
         """Return whether another mistake explains the runs as well as the first one."""

@@ -12,6 +12,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.data.episodes import Demonstrations
 from taskspec.exact.policies.adapters import Predictor, parameters
+from taskspec.exact.policies.networks import plain
 from taskspec.exact.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read
@@ -143,7 +144,7 @@ def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[
     def values(observations: Any) -> Array:
         model.policy.set_training_mode(False)
         found = network(model.policy.obs_to_tensor(normalise(observations))[0])
-        return np.asarray(found.detach().cpu().numpy(), np.float64)
+        return np.asarray(plain(found), np.float64)
 
     return values
 

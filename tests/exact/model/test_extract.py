@@ -24,7 +24,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.sections import text
 from tests.shared.solved import worst
-from tests.shared.tasks import Small, shipped, spec
+from tests.shared.tasks import ROAD, Small, shipped, spec
 
 
 def outcomes(task: Task, reads: dict[Any, Any]) -> dict[tuple[Any, ...], float]:
@@ -205,19 +205,6 @@ def test_a_search_counts_the_outcomes_of_draws(set_limits: Callable[..., None]) 
     set_limits(seconds=1)
     with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
         visits(Steps(build(read_text(text))))
-
-
-ROAD = """
-taskspec: 1
-name: Road
-state: {s: {type: int, low: 0, high: 19999}}
-action: {a: {type: int, low: 0, high: 1}}
-horizon: 500
-initial: {s: 0}
-dynamics: {s': "min(s + a, 19999)"}
-reward: s'
-expert: {a: 1}
-"""
 
 
 def test_states_that_only_longer_episodes_enter_are_there_where_values_depend_on_them() -> None:

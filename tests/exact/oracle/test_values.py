@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from fractions import Fraction
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 import taskspec
 from taskspec import oracle
 from taskspec.base.diagnostics import SpecError
+from tests.shared.stand_in_torch import TORCH, Categorical, Module
 from tests.shared.tasks import Small
 
 Array = np.ndarray[Any, Any]
@@ -77,50 +77,6 @@ def test_without_a_horizon_values_solve_the_equations() -> None:
         oracle.evaluate(small.task, PI, exact=True)
 
 
-class Torch(ModuleType):
-    """What is used of PyTorch."""
-
-    class Module:
-        def __init__(self, logits: Array) -> None:
-            self.logits = logits
-
-        def __call__(self, observations: Any) -> Any:
-            return Tensor(self.logits[np.asarray(observations)])
-
-    def __init__(self) -> None:
-        super().__init__("torch")
-        self.nn = self.distributions = self
-        self.Categorical = Categorical
-        self.as_tensor = np.asarray
-        self.no_grad = lambda: np.errstate()
-
-
-class Categorical:
-    def __init__(self, logits: Any) -> None:
-        weights = np.exp(np.asarray(logits))
-        self.probs = Tensor(weights / weights.sum(axis=-1, keepdims=True))
-
-
-class Tensor:
-    def __init__(self, values: Array) -> None:
-        self.values = values
-
-    def double(self) -> Tensor:
-        return self
-
-    def detach(self) -> Tensor:
-        return self
-
-    def cpu(self) -> Tensor:
-        return self
-
-    def numpy(self) -> Array:
-        return self.values
-
-    def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
-        return self.values
-
-
 class ActorCritic:
     """What is used of a stochastic model of Stable-Baselines3."""
 
@@ -143,15 +99,14 @@ class ActorCritic:
 
 def test_every_form_of_a_policy_has_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
     task = taskspec.load("SecondThought")
-    fake = Torch()
-    monkeypatch.setitem(sys.modules, "torch", fake)
+    monkeypatch.setitem(sys.modules, "torch", TORCH)
     forms = {
         "table": PI,
         "over time": np.stack([PI, PI]),
         "fractions": PI.astype(object) * Fraction(1),
         "probabilities": lambda observation: PI[observation],
         "a model of Stable-Baselines3": ActorCritic(),
-        "a module of PyTorch": Torch.Module(np.log(PI)),
+        "a module of PyTorch": Module(np.log(PI)),
     }
     expected = 0.25 * 0.25 + 0.75 * (0.75 - 0.25)
     for name, policy in forms.items():

@@ -13,6 +13,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.show.figures import OVERLAYS, overlay, scene
 from taskspec.show.figures.shapes import Box, Label, text_width
+from tests.shared.tasks import ROAD
 
 CUE = """\
 taskspec: 1
@@ -133,19 +134,6 @@ def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tm
             half = text_width(text.text, text.size) / 2, text.size / 2
             apart = abs(text.at[0] - (left + right) / 2) >= half[0] + badge.width / 2
             assert apart or abs(text.at[1] - (top + bottom) / 2) >= half[1] + badge.height / 2
-
-
-ROAD = """
-taskspec: 1
-name: Road
-state: {s: {type: int, low: 0, high: 19999}}
-action: {a: {type: int, low: 0, high: 1}}
-horizon: 500
-initial: {s: 0}
-dynamics: {s': "min(s + a, 19999)"}
-reward: s'
-expert: {a: 1}
-"""
 
 
 def test_values_of_states_that_only_longer_episodes_enter_are_of_all_steps_left() -> None:

@@ -27,7 +27,15 @@ from taskspec.learn.learners.deep.reward_nets import (
     RewardNets,
     reward_inputs,
 )
-from taskspec.learn.learners.deep.world import Schedule, StepBatch, World, seed_slice, train_seeds
+from taskspec.learn.learners.deep.world import (
+    Schedule,
+    StepBatch,
+    World,
+    discounted_rewards,
+    in_first_episode,
+    seed_slice,
+    train_seeds,
+)
 from taskspec.learn.learners.interface import LearnerCase, NetPolicy
 from taskspec.learn.learners.table import Comparing
 
@@ -110,13 +118,12 @@ class PreferenceRound:
             return world.step(walk, jnp.where(at_random[:, None], world.head.uniform(noise), act(walk.seen, noise)))
 
         _, steps = jax.lax.scan(step, world.begin(begin, self.config.episodes), (noises, at_random))
-        live = jnp.cumprod(jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]]), axis=0)
-        return self.compared(steps, live), steps
+        return self.compared(steps, in_first_episode(steps)), steps
 
     def compared(self, steps: StepBatch, live: AnyArray) -> Pairs:
         """Return pairs of neighbouring episodes; of single steps, if episodes differ in length."""
         world = self.judge
-        advantages = steps.reward * live * jnp.float32(world.task.discount) ** steps.time
+        rewards = discounted_rewards(world.task, steps, live)
         if self.alike:
             order = None
         else:
@@ -130,7 +137,7 @@ class PreferenceRound:
 
         at = RewardInputs(*map(paired, reward_inputs(steps)))
         lives = paired(live)
-        returns = paired(advantages).sum(-1)
+        returns = paired(rewards).sum(-1)
         same = (jnp.abs(returns[:, 0] - returns[:, 1]) < 1e-6) | self.ties
         better = jnp.where(same, 0.5, (returns[:, 0] > returns[:, 1]).astype(jnp.float32))
         weight = lives.max(-1).min(-1) * jnp.where(same & self.config.total, 0.0, 1.0)

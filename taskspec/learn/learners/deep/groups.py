@@ -17,7 +17,15 @@ from taskspec.exact.model.model import misused
 from taskspec.learn.learners.deep.nets import forward, gradient_step
 from taskspec.learn.learners.deep.policy_training import policies, rounds, world_of
 from taskspec.learn.learners.deep.ppo import PolicyNet, init_actor, sampler
-from taskspec.learn.learners.deep.world import RolloutState, Schedule, StepBatch, World, train_seeds
+from taskspec.learn.learners.deep.world import (
+    RolloutState,
+    Schedule,
+    StepBatch,
+    World,
+    discounted_rewards,
+    in_first_episode,
+    train_seeds,
+)
 from taskspec.learn.learners.interface import LearnerCase, NetPolicy
 from taskspec.learn.learners.table import Direct, Grouped
 
@@ -51,14 +59,12 @@ def begin_groups(world: World, key: AnyArray, groups: int, group: int) -> Rollou
 def play(world: World, actor: PolicyNet, walk: RolloutState, key: AnyArray) -> GroupEpisodes:
     """Play the episodes that were begun to their ends."""
     _, steps = world.rollout(walk, sampler(world, actor), key, world.length)
-    ongoing = jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]])
-    return GroupEpisodes(steps, jnp.cumprod(ongoing, axis=0))
+    return GroupEpisodes(steps, in_first_episode(steps))
 
 
 def returns(world: World, episodes: GroupEpisodes) -> AnyArray:
     """Return the discounted return of each episode (E,)."""
-    steps = episodes.steps
-    return (steps.reward * episodes.live * jnp.float32(world.task.discount) ** steps.time).sum(0)
+    return discounted_rewards(world.task, episodes.steps, episodes.live).sum(0)
 
 
 def log_probs(world: World, actor: PolicyNet, episodes: GroupEpisodes) -> AnyArray:
@@ -73,11 +79,7 @@ class GroupUpdate:
     def __init__(self, config: Grouped, world: World) -> None:
         self.config = config
         self.world = world
-        self._adam = _optimiser(config)
-
-    def init(self, key: AnyArray) -> AlignedState:
-        actor = init_actor(key, self.world, self.config.hidden)
-        return AlignedState(actor, actor, self._adam.init(actor))
+        self.adam = _optimiser(config)
 
     def advance(self, held: AlignedState, key: AnyArray, _: Any) -> AlignedState:
         """Play a round of groups and learn from it."""
@@ -93,7 +95,7 @@ class GroupUpdate:
         data = (episodes, old, reference, self.advantages(gained))
 
         def once(carry: Any, _: Any) -> tuple[Any, None]:
-            return gradient_step(self._adam, self.loss, *carry, *data), None
+            return gradient_step(self.adam, self.loss, *carry, *data), None
 
         (actor, optimiser), _ = jax.lax.scan(once, (held.actor, held.optimiser), None, config.epochs)
         return AlignedState(actor, held.reference, optimiser)
@@ -148,11 +150,7 @@ class DirectUpdate:
         self.config = config
         self.world = world
         self.judge = judge
-        self._adam = _optimiser(config)
-
-    def init(self, key: AnyArray) -> AlignedState:
-        actor = init_actor(key, self.world, self.config.hidden)
-        return AlignedState(actor, actor, self._adam.init(actor))
+        self.adam = _optimiser(config)
 
     def advance(self, held: AlignedState, key: AnyArray, _: Any) -> AlignedState:
         """Compare new pairs of the reference policy and learn from the labels."""
@@ -161,7 +159,7 @@ class DirectUpdate:
         episodes = play(self.judge, held.reference, walk, noise)
         reference = log_probs(self.world, held.reference, episodes)
         R = returns(self.judge, episodes).reshape(-1, 2)
-        actor, optimiser = gradient_step(self._adam, self.loss, held.actor, held.optimiser, episodes, reference, R)
+        actor, optimiser = gradient_step(self.adam, self.loss, held.actor, held.optimiser, episodes, reference, R)
         return AlignedState(actor, held.reference, optimiser)
 
     def loss(self, actor: PolicyNet, episodes: GroupEpisodes, reference: AnyArray, R: AnyArray) -> AnyArray:
@@ -197,8 +195,12 @@ def train_direct(config: Direct, case: LearnerCase) -> list[NetPolicy]:
 
 
 def _trained(update: GroupUpdate | DirectUpdate, case: LearnerCase, each: int, comparisons: int) -> list[NetPolicy]:
+    def init(key: AnyArray) -> AlignedState:
+        actor = init_actor(key, update.world, update.config.hidden)
+        return AlignedState(actor, actor, update.adam.init(actor))
+
     def shown(held: AlignedState) -> list[NetPolicy]:
         return policies(case, update.world, held.actor)
 
     plan = Schedule(rounds(case, each), each, comparisons, shown)
-    return shown(train_seeds(case, update.init, update.advance, plan))
+    return shown(train_seeds(case, init, update.advance, plan))

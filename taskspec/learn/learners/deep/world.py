@@ -164,6 +164,17 @@ def in_complete_episode(steps: StepBatch) -> AnyArray:
     return jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
 
 
+def in_first_episode(steps: StepBatch) -> AnyArray:
+    """Return 1.0 for steps (T, E) of the first episode of a lane, 0.0 for those after its end."""
+    ongoing = jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]])
+    return jnp.cumprod(ongoing, axis=0)
+
+
+def discounted_rewards(task: Task, steps: StepBatch, live: AnyArray) -> AnyArray:
+    """Return the rewards (T, E) of live steps, discounted from the start of their episodes."""
+    return steps.reward * live * jnp.float32(task.discount) ** steps.time
+
+
 # -- training -----------------------------------------------------------------------------------------------------
 
 CHUNKS = 10
