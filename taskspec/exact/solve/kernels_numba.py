@@ -114,7 +114,7 @@ def _active(first: Array, successors: Array, changed: Array) -> Array:
     return found
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _sweep(
     rows: tuple[Array, ...], reward: Array, active: Array, value: Array, out: Array, after: Array,
     constants: tuple[float, ...], blocks: Array,
