@@ -9,6 +9,8 @@ import pytest
 from taskspec.exact import check
 from taskspec.language import registry
 from taskspec.show.pages.facts import gather
+from taskspec.show.pages.page import page
+from taskspec.show.pages.render.gallery import scores
 from taskspec.show.pages.write import write
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
@@ -31,3 +33,11 @@ def test_returns_that_are_not_known_are_said_to_be_unknown(tmp_path: Path) -> No
     text = (tmp_path / "parabola.md").read_text(encoding="utf-8")
     assert "| optimal return | unknown |" in text and "| worst return | unknown |" in text
     assert gather("derail/RiskyPath-v0").unknown == ()
+
+
+def test_a_tile_has_the_best_return_that_observations_allow() -> None:
+    """In three rooms of four the left door is right, and nobody can see which one it is."""
+    assert (
+        scores(page("probes/LookAlikes", gather("probes/LookAlikes")))
+        == "random 0.5, expert 0.75, best with memory 0.75"
+    )

@@ -27,7 +27,11 @@ SEEN = "state is observed"
 HIDDEN = "state is partly hidden"
 ALL = {"capability": "any capability", "suite": "any suite", "size": "any size", "state": "observed or hidden"}
 """What a filter says that leaves nothing out."""
-SHOWN_SCORES = {"random return": "random", "expert return": "expert", "optimal return": "optimal"}
+SHOWN_SCORES = {
+    "random return": "random", "expert return": "expert", "best return with memory": "best with memory",
+    "optimal return": "optimal",
+}  # fmt: skip
+"""Returns on a tile, by their names on pages."""
 MOST_CHARACTERS = 40_000  # a figure with more is no thumbnail
 
 
