@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 _ENTRY = re.compile(r"@(\w+)\s*\{\s*([\w:.+/-]+)\s*,")
@@ -54,7 +55,8 @@ class Reference:
         return f"@{self.kind}{{{self.key},\n{inner}}}\n"
 
 
-def read(text: str) -> dict[str, Reference]:
+@lru_cache(maxsize=16)
+def read(text: str) -> Mapping[str, Reference]:
     """Return the entries of a BibTeX text by key; what cannot be read is passed over."""
     found = {}
     for match in _ENTRY.finditer(text):

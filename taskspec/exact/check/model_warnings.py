@@ -10,7 +10,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.named import all_names
 from taskspec.exact.check.warning_context import SAME, Doubt, LintContext
-from taskspec.exact.model.extract import extract, lasting
+from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.rollout.rollout import at_random, is_bounded
@@ -32,7 +32,7 @@ ROUNDING = 1e-12
 
 def unreachable(context: LintContext) -> Iterator[Doubt]:
     """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles."""
-    model = lasting(context.results.known_model)
+    model = context.lasting_model
     is_own = model.task is context.task
     section: tuple[str, ...] = ("abstraction", "state")
     models = [model]
@@ -139,13 +139,14 @@ def same_reward(context: LintContext) -> Iterator[Doubt]:
 
 def _later_reward(context: LintContext) -> int | None:
     """Return the first step in which a longer episode could have another reward, where all are the same up to the horizon."""
-    model = lasting(context.results.known_model)
-    if not context.is_constant or context.paid is None or model.horizon is None or model.is_timed:
+    known = context.results.known_model
+    if not context.is_constant or context.paid is None or known.horizon is None or known.is_timed:
         return None
+    model = context.lasting_model
     level = model.start > 0
     seen = np.zeros(model.n_states, np.bool_)
     rewards = model.step(0).R.reshape(model.n_actions, -1)
-    for t in range(model.horizon + LONGER):
+    for t in range(known.horizon + LONGER):
         if not (level & ~seen).any():
             return None
         if np.ptp(np.append(rewards[:, level].reshape(-1), context.paid[0])) > SAME:

@@ -10,6 +10,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Placed, Span
+from taskspec.exact.model.extract import lasting
 from taskspec.exact.model.model import Model
 from taskspec.exact.scores.returns import Results
 from taskspec.language.task.merge import Merged, merge
@@ -42,6 +43,11 @@ class LintContext:
         if model is None or model.task is not self.task:
             return None
         return model
+
+    @cached_property
+    def lasting_model(self) -> Model:
+        """The exact model with the states that longer episodes would enter; raises E712 as `known_model`."""
+        return lasting(self.results.known_model)
 
     @cached_property
     def merged(self) -> Merged:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from scipy import sparse
@@ -241,7 +241,7 @@ CODED = 3
 """Operations by which an element of a state is read from its code, or written into it."""
 MERGED = 300
 """Operations by which a state is looked up among those that are known, and put among them."""
-HELD = 4_000_000
+HELD = 1_000_000
 """The number of outcomes of steps that are held at once."""
 
 
@@ -263,53 +263,66 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
     budget = Budget("the steps until episodes find no new state")
     cost = Cost(steps.roots, beside=SORTED + CODED * sum(map(len, steps.states.strides)))
     merging = Cost((), beside=MERGED)
+    if limit is not None and entered.size > limit:
+        _too_many_states(limit, hint, each)
     t = 0
-    while True:
-        if limit is not None and entered.size > limit:
-            costs = f", {each}" if each else ""
-            if hint:
-                remedy = f"choose smaller parameters, or: {hint}"
-            else:
-                remedy = None
-            too_large(f"more than {limit:,} states can be reached{costs}", remedy)
-        if not len(level) or t == horizon:
-            return Visits(acting.all(), entered.all())
+    while len(level) and t != horizon:
         budget.spend(merging, len(level), LEVEL)
         acting.add(level)
-        going, ended = successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
-        entered.add(union([going, ended]))
-        if steps.uses_time:
-            level = going
-        else:
-            level = acting.without(going)
+        ahead = []
+        for going, ended in _batches(steps, level, t, lambda outcomes: budget.spend(cost, outcomes)):
+            ahead.append(going)
+            entered.add(union([going, ended]))
+            if limit is not None and entered.size > limit:
+                _too_many_states(limit, hint, each)
+        level = union(ahead)
+        if not steps.uses_time:
+            level = acting.without(level)
         t += 1
+    return Visits(acting.all(), entered.all())
 
 
-def successors(
-    steps: Steps, states: Array, t: int, spend: Callable[[int], None] = lambda outcomes: None
-) -> tuple[Array, Array]:
-    """Return the states entered from given states: those in which the episode goes on, and those in which it ends.
+def _too_many_states(limit: int, hint: str | None, each: str) -> NoReturn:
+    costs = ""
+    if each:
+        costs = f", {each}"
+    remedy = None
+    if hint:
+        remedy = f"choose smaller parameters, or: {hint}"
+    too_large(f"more than {limit:,} states can be reached{costs}", remedy)
+
+
+def successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
+    """Return the states entered from given states: those in which the episode goes on, and those in which it ends."""
+    going = [states[:0]]
+    ended = [states[:0]]
+    for on, over in _batches(steps, states, t, lambda outcomes: None):
+        going.append(on)
+        ended.append(over)
+    return union(going), union(ended)
+
+
+def _batches(steps: Steps, states: Array, t: int, spend: Callable[[int], None]) -> Iterator[tuple[Array, Array]]:
+    """Yield successors of a few states at a time: where the episode goes on, and where it ends.
 
     Args:
         spend: called with the number of outcomes of each batch before they are sorted.
     """
-    going = [states[:0]]
-    ended = [states[:0]]
     per_chunk = max(1, int(min(VISITED, HELD // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
         some = states[low : low + per_chunk]
         tell(f"looking for states, step {t + 1:,}: {low:,} of {len(states):,} looked at")
         for first in range(0, steps.actions.size, VISITED):
             actions = np.arange(first, min(steps.actions.size, first + VISITED))
-            for found in steps.outcomes(np.tile(some, len(actions)), np.repeat(actions, len(some)), t):
-                spend(len(found.code))
-                if found.outside is None:
-                    inside = np.ones(len(found.code), np.bool_)
+            for outcomes in steps.outcomes(np.tile(some, len(actions)), np.repeat(actions, len(some)), t):
+                spend(len(outcomes.code))
+                if outcomes.outside is None:
+                    inside = np.ones(len(outcomes.code), np.bool_)
                 else:
-                    inside = ~found.outside
-                going.append(distinct(found.code[inside & ~found.terminal]))
-                ended.append(distinct(found.code[inside & found.terminal]))
-    return union(going), union(ended)
+                    inside = ~outcomes.outside
+                going = distinct(outcomes.code[inside & ~outcomes.terminal])
+                ended = distinct(outcomes.code[inside & outcomes.terminal])
+                yield going, ended
 
 
 # -- matrices ---------------------------------------------------------------------------------------------------------
