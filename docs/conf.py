@@ -30,6 +30,7 @@ sys.path[:0] = [str(DOCS.parent)]
 from docs.tools import galleries  # noqa: E402
 from docs.tools.beside import beside  # noqa: E402
 from docs.tools.commands import commands  # noqa: E402
+from docs.tools.functions import functions  # noqa: E402
 from docs.tools.names import names  # noqa: E402
 from docs.tools.notebooks import page as page_of_notebook  # noqa: E402
 
@@ -56,7 +57,12 @@ SHOWN = {
     "reference/errors": "taskspec/base/errors.md",
 }
 """Pages of the site, and the files above this folder that they show."""
-BUILT = {"explain/beside": beside, "reference/commands": commands, "reference/names": names}
+BUILT = {
+    "explain/beside": beside,
+    "reference/commands": commands,
+    "reference/functions": functions,
+    "reference/names": names,
+}
 """Pages of the site that are made of the program in full; the repository has a summary of each."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.(?:md|ipynb)\)")
 ACCESSIBLE = (

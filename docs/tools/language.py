@@ -5,23 +5,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from docs.tools.markdown import code, entries, filled, table
 from taskspec.base import limits
-from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.base.diagnostics import SpecError
 from taskspec.exact.rules import claim_rules
 from taskspec.exact.scores.returns import CLAIMS, NUMBERS
-from taskspec.language.expressions import dists
-from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.check import Checker
-from taskspec.language.expressions.ir import Const
-from taskspec.language.expressions.operators import FUNCTIONS, INFIX
-from taskspec.language.expressions.parse import parse
-from taskspec.language.expressions.scope import Scope
-from taskspec.language.expressions.syntax import SourceText
+from taskspec.language.expressions.operators import INFIX
 from taskspec.language.source import read_text
 from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.build import build
@@ -116,51 +108,6 @@ def _operators() -> str:
     return entries((str(level), " ".join(operators)) for level, operators in levels.items())
 
 
-def _functions() -> str:
-    return entries((code(f.signature), f"{f.doc}{_example(f.name, f.samples[0])}") for f in FUNCTIONS.values())
-
-
-ROUNDED = 4
-"""Digits after the point with which a value is taken to be rounded."""
-
-
-def _example(name: str, sample: tuple[Any, ...]) -> str:
-    """Return an example of a function, unless its value has to be rounded."""
-    expression = f"{name}({', '.join(map(_literal, sample))})"
-    value = _value(expression)
-    if len(value.partition(".")[2]) > ROUNDED:
-        return ""
-    return f" {code(expression)} is {code(value)}."
-
-
-def _literal(item: Any) -> str:
-    if isinstance(item, tuple):
-        return f"({', '.join(map(_literal, item))}{',' * (len(item) == 1)})"
-    return str(item)
-
-
-def _distributions() -> str:
-    every = (dists.CATEGORICAL, *dists.DISTS.values())
-    return entries((code(_signature(d)), d.doc) for d in every)
-
-
-def _signature(dist: dists.Dist) -> str:
-    arguments = [a.name if a.default is None else f"{a.name}={a.default}" for a in dist.arguments]
-    return f"{dist.name}({', '.join([*arguments, *(['shape=()'] if dist.shaped else [])])})"
-
-
-AWKWARD = (
-    "1 / 0", "0 / 0", "7 // 0", "7 % 0", "-7 // 2", "-7 % 2", "7 % -2", "2**-2", "0**0", "(-8.0)**0.5", "sqrt(-1)", "log(0)",
-    "exp(1000)", "min(0/0, 1)", "max((0/0, 2))", "argmin((0/0, 0/0))", "sort((2, 0/0, 1))", "argsort((1, 0, 1, 0))",
-    "round(2.5)", "floor(1 / 0)", "floor(0 / 0)", "sign(0 / 0)", "0 / 0 == 0 / 0", "True + True", "clip(5, 3, 0)",
-    "put((1, 2, 3), 9, 0)", "put((1, 2, 3), -1, 0)", "onehot(5, 3)",
-)  # fmt: skip
-
-
-def _awkward() -> str:
-    return entries((code(each), code(_value(each))) for each in AWKWARD)
-
-
 # Places.
 
 PLACES = (
@@ -242,32 +189,7 @@ def _space_kinds() -> str:
     return table(("`space:`", "observation space"), ((code(k), code(_probe_spaces(s)[0])) for k, s in spaces))
 
 
-# Values, visibility and spaces are found out by trying.
-
-
-def _value(expression: str) -> str:
-    """The value of a constant expression, written as the language writes values."""
-    origin = Origin("<manual>", expression)
-    text = SourceText(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
-    collector = Collector()
-    found = Checker(Builder(), collector).check(parse(text), Scope({}))
-    collector.raise_if_errors()
-    assert found is not None and isinstance(found.node, Const)
-    return _written(found.node.flat, found.node.type.shape)
-
-
-def _written(flat: tuple[Any, ...], shape: tuple[int, ...]) -> str:
-    if not shape:
-        return _number(flat[0])
-    step = len(flat) // shape[0]
-    rows = (flat[i * step : (i + 1) * step] for i in range(shape[0]))
-    return f"({', '.join(_written(row, shape[1:]) for row in rows)})"
-
-
-def _number(item: Any) -> str:
-    if isinstance(item, Fraction):
-        return str(item) if item.denominator <= 100 else f"{float(item):.6g}"
-    return f"{item:.6g}" if isinstance(item, float) else str(item)
+# Visibility and spaces are found out by trying.
 
 
 PROBE: dict[str, Any] = {
@@ -337,9 +259,6 @@ _TABLES: dict[str, Callable[..., str]] = {
     "capabilities": _capabilities,
     "keys": _keys,
     "operators": _operators,
-    "functions": _functions,
-    "distributions": _distributions,
-    "awkward": _awkward,
     "visibility": _visibility,
     "spaces": _spaces,
     "space_kinds": _space_kinds,

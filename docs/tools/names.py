@@ -14,7 +14,7 @@ import taskspec
 from docs.tools.markdown import code, table
 
 PACKAGE = Path(taskspec.__file__).parent
-HEAD = """# Functions
+HEAD = """# Public names
 
 Generated from the source. These names, under these modules, are the public interface: what changes of them is in the
 changelog. A module without `__all__` is private, and so is a name that is not in it.

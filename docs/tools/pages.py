@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from docs.tools.commands import overview
+from docs.tools import commands, functions
 from docs.tools.language import language
 from docs.tools.library import library
 from docs.tools.markdown import code, entries, filled
@@ -99,7 +99,8 @@ PAGES = {
     "explain/difficulty": difficulty,
     "explain/learned": learned,
     "explain/probes": probes,
-    "reference/commands": overview,
+    "reference/commands": commands.overview,
+    "reference/functions": functions.overview,
     "reference/language": language,
     "reference/library": library,
     "reference/modifiers": modifiers,
