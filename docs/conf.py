@@ -72,6 +72,13 @@ ACCESSIBLE = (
     (r'<th class="([^"]*)"><p></p></th>', r'<td class="\1"></td>'),
 )
 """Parts of pages, and how they are written so that all can read them."""
+TOP = {
+    "start/tutorial": "Write a task",
+    "start/exam": "Examine my learner",
+    "reference/library": "Library",
+    "howto/studio": "Studio",
+}
+"""Pages that every page leads to, at its top."""
 HIDDEN = "---\nhide-toc: true\n---\n\n"
 """Leaves out the table of contents on the right."""
 GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
@@ -80,6 +87,7 @@ GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 def setup(app: Any) -> dict[str, Any]:
     app.connect("builder-inited", lambda app: galleries.write_pages())
     app.connect("source-read", read)
+    app.connect("html-page-context", lead)
     app.connect("build-finished", finish)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
@@ -108,6 +116,12 @@ def read(app: Any, page: str, source: list[str]) -> None:
         text, _, pages = source[0].partition("\n## Pages\n")
         source[0] = HIDDEN + text.replace("<!-- wall -->", galleries.wall()) + contents(pages)
     source[0] = galleries.with_figures(source[0], (DOCS / page).parent)
+
+
+def lead(app: Any, page: str, template: str, context: dict[str, Any], document: Any) -> None:
+    """Put links at the top of a page."""
+    links = (f'<a href="{context["pathto"](name)}">{text}</a>' for name, text in TOP.items())
+    context["theme_announcement"] = f'<nav aria-label="first steps">{" ".join(links)}</nav>'
 
 
 def finish(app: Any, error: Exception | None) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -42,6 +42,8 @@ EVERY = 100
 LOOKS = 78
 """Looks at the policy of PPO, one after every second round of 128 steps."""
 SOLVED = 0.9
+COLUMNS = (1.28, 1.45)
+"""Where the numbers of each learner end, on the axis of correlations."""
 SHOWN = [name for name in MEASURES if name not in ("hidden_bits",)]
 
 
@@ -135,7 +137,6 @@ def picture(found: dict[str, dict[str, Correlation]]) -> Chart:
     """
     first, second = found.values()
     names = sorted(first, key=lambda name: -first[name].value - second[name].value)
-    labels = [f"{n}\u2002{fixed(first[n].value, 2)}\u2002{fixed(second[n].value, 2)}" for n in names]
     with chart.style():
         figure = chart.figure(5, 0.24 * len(names))
         axes = figure.add_axes((0, 0, 1, 1))
@@ -149,11 +150,18 @@ def picture(found: dict[str, dict[str, Correlation]]) -> Chart:
             rows = np.arange(len(names)) + 0.3 * i - 0.15
             values = [each.value for each in shown]
             axes.errorbar(values, rows, xerr=ends, fmt=marker, color=color, elinewidth=1, label=who)
-        axes.set_yticks(range(len(names)), labels)
+            _column(axes, COLUMNS[i], color, [who, *(fixed(value, 2) for value in values)])
+        axes.set_yticks(range(len(names)), names)
         axes.set_xlabel("rank correlation with the steps of a learner")
         chart.numbers(axes.xaxis)
         axes.legend(loc="lower right")
     return Chart(figure, "Rank correlations of measures of difficulty with the steps that Q-learning and PPO need")
+
+
+def _column(axes: Any, x: float, color: str, texts: Sequence[str]) -> None:
+    """Write a heading and a text for each row, flush right."""
+    for row, text in enumerate(texts, start=-1):
+        axes.text(x, row, text, color=color, ha="right", va="center")
 
 
 def main() -> None:
