@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from taskspec.exact.oracle.batches import RolloutBatch as RolloutBatch
-from taskspec.exact.oracle.batches import batch as batch
 from taskspec.exact.oracle.episodes import EnumeratedEpisode as EnumeratedEpisode
 from taskspec.exact.oracle.episodes import Expectation as Expectation
 from taskspec.exact.oracle.episodes import expectation as expectation
+from taskspec.exact.oracle.estimators import RolloutBatch as RolloutBatch
+from taskspec.exact.oracle.estimators import batch as batch
 from taskspec.exact.oracle.estimators import gae as gae
 from taskspec.exact.oracle.estimators import lambda_returns as lambda_returns
 from taskspec.exact.oracle.estimators import monte_carlo as monte_carlo

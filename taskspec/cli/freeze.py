@@ -25,7 +25,7 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
-    from taskspec.exact.tables.freeze import freeze as frozen
+    from taskspec.exact.tables.frozen_task import freeze as frozen
     from taskspec.exact.tables.spec_text import spec_text
     from taskspec.language.targets import task_of
 

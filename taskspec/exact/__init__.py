@@ -17,9 +17,9 @@ from taskspec.exact.rules.examples import wrong_examples as wrong_examples
 from taskspec.exact.scores.difficulty import MEASURES as MEASURES
 from taskspec.exact.scores.difficulty import Difficulty as Difficulty
 from taskspec.exact.scores.difficulty import Measure as Measure
+from taskspec.exact.scores.difficulty import PomdpBounds as PomdpBounds
 from taskspec.exact.scores.difficulty import difficulty as difficulty
-from taskspec.exact.scores.partial_observability import PomdpBounds as PomdpBounds
-from taskspec.exact.scores.partial_observability import pomdp_bounds as pomdp_bounds
+from taskspec.exact.scores.difficulty import pomdp_bounds as pomdp_bounds
 from taskspec.exact.scores.returns import Results as Results
 from taskspec.exact.scores.returns import Return as Return
 from taskspec.exact.scores.returns import normalised as normalised

@@ -23,7 +23,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import decimal
-from taskspec.exact.abstraction.bisimulation import Rows, classes_from, levels
+from taskspec.exact.abstraction.abstraction import Rows, classes_from, levels
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import refuse
 from taskspec.exact.model.probabilities import ExactProbabilities, Inexact, Reader

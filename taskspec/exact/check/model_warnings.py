@@ -9,13 +9,13 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.named import all_names
-from taskspec.exact.check.warning_context import SAME, Doubt, LintContext
+from taskspec.exact.check.spec_warnings import SAME, Doubt, LintContext
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, differs
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.rollout.rollout import at_random, is_bounded
 from taskspec.exact.rules.claim_verdicts import state_left
-from taskspec.exact.scores.partial_observability import pomdp_bounds
+from taskspec.exact.scores.difficulty import pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.types import Role

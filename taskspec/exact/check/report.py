@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
 from taskspec.base.display import html_table
-from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
-from taskspec.exact.check import model_warnings, prose_warnings, spec_warnings
-from taskspec.exact.check.warning_context import Doubt, LintContext
+from taskspec.exact.abstraction.abstraction import SymmetryCheck, verify_symmetry
+from taskspec.exact.check import model_warnings, spec_warnings
+from taskspec.exact.check.spec_warnings import Doubt, LintContext
 from taskspec.exact.model.model import NoModel, TooLarge
 from taskspec.exact.model.points import Method
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
@@ -39,8 +39,8 @@ KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
     ("W519", model_warnings.forgotten),
     ("W522", spec_warnings.unproved_abstraction),
     ("W528", model_warnings.illegal),
-    ("W530", prose_warnings.unknown_capability),
-    ("W531", prose_warnings.unknown_sources),
+    ("W530", spec_warnings.unknown_capability),
+    ("W531", spec_warnings.unknown_sources),
 )  # codes of warnings, and the functions that find them
 
 
@@ -94,7 +94,7 @@ def _sanity(task: Task, results: Results) -> _Sanity:
 def unknown_sources(task: Task) -> tuple[Diagnostic, ...]:
     """Return W531 for each source without an entry in a bibliography: its key would be printed as it is."""
     collector = Collector()
-    for doubt in prose_warnings.unknown_sources(LintContext(task, Results(task))):
+    for doubt in spec_warnings.unknown_sources(LintContext(task, Results(task))):
         collector.add("W531", doubt.place, doubt.message, doubt.hint)
     return collector.diagnostics
 

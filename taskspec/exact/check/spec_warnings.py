@@ -1,18 +1,24 @@
-"""Warnings about what a spec says: names, indices that lie outside, observations, and abstractions without use."""
+"""Warnings about what a spec says: names, capabilities, sources, indices that lie outside, observations, and abstractions."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Collector, Diagnostic
-from taskspec.exact.check.warning_context import Doubt, LintContext
+from taskspec.base.bibliography import NAME, beside
+from taskspec.base.diagnostics import Collector, Diagnostic, Placed, Span, suggest
+from taskspec.exact.model.extract import lasting
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.model.transitions import picked
+from taskspec.exact.scores.returns import Results
 from taskspec.exact.soundness.indices import moved_indices
 from taskspec.exact.soundness.soundness import in_words
 from taskspec.language import printers
@@ -22,10 +28,79 @@ from taskspec.language.expressions.types import TIME, Expression, Role
 from taskspec.language.printers.names import of_task
 from taskspec.language.registry import load
 from taskspec.language.task import questions
-from taskspec.language.task.merge import merge
+from taskspec.language.task.merge import Merged, merge
 from taskspec.language.task.parts import by_name
 from taskspec.language.task.questions import components_followed, is_random, reads_time, written_in
+from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.language.task.task import Task, TaskLike
+
+SAME = 1e-9  # numbers that differ by less, relative to their size, count as equal
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something to warn about, at its place; the check that found it has the code."""
+
+    place: Placed | None
+    message: str
+    hint: str | None = None
+    notes: Iterable[str] = ()
+
+
+@dataclass(frozen=True)
+class LintContext:
+    """A task with its results."""
+
+    task: Task
+    results: Results
+
+    @cached_property
+    def model(self) -> Model | None:
+        """The exact model of the task itself, not of a stand-in; None where there is none."""
+        model = self.results.model
+        if model is None or model.task is not self.task:
+            return None
+        return model
+
+    @cached_property
+    def lasting_model(self) -> Model:
+        """The exact model with the states that longer episodes would enter; raises E712 as `known_model`."""
+        return lasting(self.results.known_model)
+
+    @cached_property
+    def merged(self) -> Merged:
+        return merge(self.task.source.document, self.task.source.variant)
+
+    def key(self, *path: str) -> Span:
+        return self.merged.key_span(path)
+
+    @cached_property
+    def paid(self) -> tuple[float, float] | None:
+        """The least and the largest expected reward of any step of any episode; None if there is no such step."""
+        model = self.results.known_model
+        low = []
+        high = []
+        levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
+        if model.is_timed:
+            levels = model.levels()
+        for t, level in levels:
+            if level.any():
+                for paid in model.step(t).R.reshape(model.n_actions, -1):  # one action at a time, to save memory
+                    low.append(paid[level].min())
+                    high.append(paid[level].max())
+        if not low:
+            return None
+        return float(np.min(low)), float(np.max(high))
+
+    @property
+    def is_constant(self) -> bool:
+        """True if all steps have the same reward, and their number makes no difference."""
+        paid = self.paid
+        model = self.results.known_model
+        if paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
+            return False
+        return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME
+
 
 NAMED = {"parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise"}
 """Sections of names that other sections use, and what each name is."""
@@ -238,3 +313,22 @@ def _names(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
     for section, declared in zip(_SECTIONS, parts, strict=True):
         for written in declared:
             yield (section, written), written.partition("(")[0].strip()
+
+
+def unknown_capability(context: LintContext) -> Iterator[Doubt]:
+    """Yield a capability that is not in the closed list."""
+    written = context.task.capability
+    if written is None or written in CAPABILITIES:
+        return
+    hint = suggest(written, CAPABILITIES) or f"choose one of {', '.join(CAPABILITIES)}; other words go to `keywords`"
+    yield Doubt(context.merged.span(("capability",)), f"'{written}' is not in the list of capabilities", hint)
+
+
+def unknown_sources(context: LintContext) -> Iterator[Doubt]:
+    """Yield sources whose keys no bibliography beside the spec has."""
+    known = beside([context.task.source.document.origin.name])
+    for i, source in enumerate(context.task.spec.sources):
+        if source.key not in known:
+            message = f"no {NAME} has the source '{source.key}', and pages print the key"
+            hint = suggest(source.key, known) or f"add an entry to {NAME} beside the spec, or in the folder above"
+            yield Doubt(context.merged.span(("sources", i)), message, hint)

@@ -15,9 +15,9 @@ from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
-from taskspec.exact.policies import networks
+from taskspec.exact.policies import files
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
-from taskspec.exact.policies.networks import evaluating, is_network
+from taskspec.exact.policies.files import evaluating, is_network
 from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of
 from taskspec.exact.policies.values import LAST_AXIS, is_table
 from taskspec.language.registry import load
@@ -237,4 +237,4 @@ def _of_module(module: Any, observations: Any) -> Array:
 
 def plain(values: Any) -> Array:
     """Return values as an array of NumPy: of numbers, lists, arrays of JAX, and tensors with or without a gradient."""
-    return np.asarray(networks.plain(values))
+    return np.asarray(files.plain(values))

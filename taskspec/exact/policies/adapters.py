@@ -19,8 +19,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import plural
 from taskspec.base.named import all_names
 from taskspec.exact.model.model import Model, misused
-from taskspec.exact.policies.files import function_of, is_function
-from taskspec.exact.policies.networks import plain
+from taskspec.exact.policies.files import function_of, is_function, plain
 from taskspec.exact.policies.policy import (
     Actions,
     Asking,

@@ -19,7 +19,7 @@ from taskspec.exact.policies.adapters import (
     Varies,
 )  # fmt: skip
 from taskspec.exact.policies.experts import Expert
-from taskspec.exact.policies.networks import is_network, outputs_of
+from taskspec.exact.policies.files import is_network, outputs_of
 from taskspec.exact.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, legal_rows, planned, states_of
 from taskspec.exact.rollout.rollout import EPISODES, Rollout, State
 from taskspec.exact.scores.returns import Results, Return

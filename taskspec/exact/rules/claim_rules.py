@@ -17,15 +17,19 @@ import numpy as np
 from taskspec.base.diagnostics import Advice, Collector, SpecError, suggest
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.probabilities import Inexact, Reader
-from taskspec.exact.rules.conditions import (
+from taskspec.exact.rules.evaluator import (
+    Evaluator,
+    InvalidClaim,
+    Truth,
+    Undecidable,
+    Word,
     checked,
     condition_over_actions,
     condition_over_states,
     influences,
     preferred,
 )
-from taskspec.exact.rules.evaluator import Evaluator, InvalidClaim, Truth, Undecidable, Word
-from taskspec.exact.scores.partial_observability import SEARCHES, best_observing
+from taskspec.exact.scores.difficulty import SEARCHES, best_observing
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Boltzmann, Greedy, Rule, Uniform
 from taskspec.exact.solve.enclosure import Enclosure, NoNumber, absolute, arithmetic, compare, digits, negative

@@ -1,18 +1,35 @@
 """One evaluator of conditions with three-valued (Kleene) logic, for every vocabulary of rules.
 
 Claims are about the results of a task (`claim_rules`), diagnoses and findings about the scores of learners (`score_rules`). A
-vocabulary is a subclass: it gives names, calls and comparisons their meaning.
+vocabulary is a subclass: it gives names, calls and comparisons their meaning. Conditions over all states and actions of a model
+say where they hold, and who prefers such actions.
 """
 
 from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector
+from taskspec.base.named import all_names, entries_by_name
+from taskspec.exact.model.model import Model, differs, refuse
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.solve.backward import Rule
+from taskspec.exact.solve.bounded import UNKNOWN
+from taskspec.exact.solve.solve import Solver
 from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.batch import evaluate
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.check import Checker
+from taskspec.language.expressions.types import BOOL, TIME, Expression, Refused, Role
+from taskspec.language.task.questions import components_read, is_random, reads_time, scope
+from taskspec.language.task.task import Task
 
 Evidence = TypeVar("Evidence")
 Number = TypeVar("Number")
@@ -145,3 +162,136 @@ class Evaluator(ABC, Generic[Number, Evidence]):
     @abstractmethod
     def quantity(self, expr: s.Expr) -> Number:
         """Return a number of the vocabulary's own."""
+
+
+Timed = Callable[[int], Array]
+MOST_LEVELS = 2**32
+"""States times steps for which a bit is kept, in half a gigabyte."""
+
+
+def checked(expr: s.Expr, task: Task) -> Expression:
+    """Return an expression of a claim with its type.
+
+    Raises:
+        InvalidClaim: with the first mistake in it.
+    """
+    collector = Collector()
+    try:
+        value = Checker(Builder(), collector).check(expr, scope(task, "claims"))
+    except Refused as refused:
+        raise InvalidClaim(refused.message, expr) from None
+    if value is None:
+        for mistake in collector.diagnostics:
+            raise InvalidClaim(mistake.message, expr, mistake.hint)
+        raise InvalidClaim("this cannot be understood", expr)
+    return value.node
+
+
+def condition(expr: s.Expr, task: Task) -> Expression:
+    """Return a condition of a claim."""
+    found = checked(expr, task)
+    if found.type != BOOL or is_random([found]):
+        raise InvalidClaim("a condition on states and actions is needed here", expr)
+    return found
+
+
+def condition_over_states(expr: s.Expr, model: Model) -> Array:
+    """Return the states (S,) in which a condition holds."""
+    about = [condition(expr, model.task)]
+    if components_read(about, Role.ACTION) or reads_time(about):
+        raise InvalidClaim("this condition is about states alone", expr)
+    (value,) = evaluate(about, model.reads())
+    return np.broadcast_to(value, (model.n_states,))
+
+
+def condition_over_actions(expr: s.Expr, model: Model, of_states: bool = False) -> Timed:
+    """Return a function from time to where (A, S) a condition on state, action and time holds; `of_states`: not on action."""
+    about = [condition(expr, model.task)]
+    if of_states and components_read(about, Role.ACTION):
+        raise InvalidClaim("it says where, so it cannot depend on the action", expr)
+    actions = model.actions.decode(np.arange(model.n_actions))
+    repeated = {key: np.repeat(value, model.n_states, axis=-1) for key, value in actions.items()}
+
+    def at(t: int) -> Array:
+        states = {k: v if k == TIME else np.tile(v, model.n_actions) for k, v in model.reads(t).items()}
+        (value,) = evaluate(about, states | repeated)
+        size = model.n_actions * model.n_states
+        return np.broadcast_to(value, (size,)).reshape(model.n_actions, model.n_states)
+
+    if reads_time(about):
+        if model.horizon is None:
+            raise Undecidable("this condition depends on the time, and there is no horizon", expr)
+        return at
+    fixed = at(0)
+    return lambda t: fixed
+
+
+def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed | None) -> tuple[bool | None, str]:
+    """Return whether the most frequent actions of a policy are wanted ones in states in which episodes act and `at` holds.
+
+    Returns:
+        None if rounding errors of the values leave it open; and the reason.
+    """
+    asked = np.zeros(model.n_states, np.bool_)
+    settled = np.zeros_like(asked)
+    unknown = np.zeros_like(asked)
+    problem: str | None = None
+    levels = _levels(model)
+    for t, policy in solver.policies(rule):
+        if t >= len(levels):
+            continue
+        here = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
+        if at is not None:
+            here &= at(t)[0]
+        if not here.any():
+            continue
+        found = solver.numbers.preference(policy, wanted(t))
+        asked |= here
+        settled |= here & (found == 1)
+        unknown |= here & (found == UNKNOWN)
+        wrong = np.flatnonzero(here & (found == -1))
+        if len(wrong):
+            state = int(wrong[0])
+            column = solver.numbers.table(policy)[:, state]
+            action = int(column.argmax())
+            did = f"it takes {model.action_name(action)} with probability {column[action]:.6g}"
+            problem = f"in {model.state_name(state)} at t = {t} {did}"
+    if problem is not None:
+        return False, problem
+    if unknown.any():
+        return None, f"its values are too close to tell in {model.state_name(int(np.flatnonzero(unknown)[0]))}"
+    if not asked.any():
+        return False, "no episode acts where this is asked"
+    undecided = asked & ~settled
+    if undecided.any():
+        return False, f"it is indifferent in {model.state_name(int(np.flatnonzero(undecided)[0]))}"
+    return True, f"in {int(asked.sum())} state{'s' if asked.sum() > 1 else ''}"
+
+
+def _levels(model: Model) -> list[Array]:
+    """Return the states in which episodes act at each time, as bits; a single entry without a horizon."""
+    if model.horizon is None:
+        return [np.packbits(model.acting)]
+    if model.horizon * model.n_states > MOST_LEVELS:
+        refuse("there are too many states and times to look at each", "choose smaller parameters")
+    return [np.packbits(level) for _, level in model.levels()]
+
+
+def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | None, str]:
+    """Return whether an action component can change the next value of a state component, and the reason.
+
+    It cannot if the dynamics of the state do not read the action; otherwise an exact model is needed.
+    """
+    task = results.task
+    actions = entries_by_name(task.action)
+    states = all_names(task.state)
+    if not (isinstance(action, s.Name) and action.id in actions):
+        raise InvalidClaim(f"an action component is needed here: {', '.join(actions)}", action)
+    if not (isinstance(state, s.Name) and state.id in states):
+        raise InvalidClaim(f"a state component is needed here: {', '.join(states)}", state)
+    following = task.process.next[states.index(state.id)]
+    if action.id not in components_read([following], Role.ACTION):
+        return False, f"the next {state.id} does not depend on {action.id}"
+    if results.model is None or results.model.task is not task:
+        raise Undecidable("whether the action matters can only be told from an exact model", action)
+    return differs(results.model, action.id, state.id)

@@ -11,8 +11,7 @@ from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate, number
 from taskspec.base.terminal import VisibleText, console, line
 from taskspec.exact.rollout.rollout import return_range
-from taskspec.exact.scores.difficulty import Difficulty, difficulty
-from taskspec.exact.scores.partial_observability import PomdpBounds, pomdp_bounds
+from taskspec.exact.scores.difficulty import Difficulty, PomdpBounds, difficulty, pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return, why_no_expert
 from taskspec.exact.scores.scores import Scores, scores
 from taskspec.exact.solve.constrained import Expectations, constrained_optimum, pareto_front

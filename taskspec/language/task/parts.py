@@ -255,7 +255,7 @@ class Symmetry:
 
     `components` and `observation` are what is seen then, over NEXT, what the task shows by the names of `seen`; `action` has, in
     the order of the task's action, what does then what an action, read as ACTION, did. None of them draws. Where one of the two
-    is empty, that stays as it is. Whether they are one-to-one is not known yet: `exact.abstraction.symmetry_proofs` finds out.
+    is empty, that stays as it is. Whether they are one-to-one is not known yet: `exact.abstraction.abstraction` finds out.
     """
 
     name: str

@@ -20,7 +20,7 @@ from taskspec.base.arrays import Array, parts_of
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
-from taskspec.exact.policies.networks import outputs_of
+from taskspec.exact.policies.files import outputs_of
 from taskspec.exact.policies.policy import states_of
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike

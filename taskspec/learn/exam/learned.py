@@ -12,7 +12,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.data.episodes import Demonstrations
 from taskspec.exact.policies.adapters import Predictor, parameters
-from taskspec.exact.policies.networks import plain
+from taskspec.exact.policies.files import plain
 from taskspec.exact.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read

@@ -10,8 +10,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import also
 from taskspec.exact.policies.values import observed_value
 from taskspec.exact.scores.returns import Results
-from taskspec.exact.tables.freeze import freeze
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.frozen_task import FrozenTask, freeze
 from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.language import registry
 from taskspec.language.source import read_text

@@ -19,8 +19,7 @@ from taskspec.base.display import fixed, interval
 from taskspec.base.jobs.engines import Workers
 from taskspec.base.limits import written as written_limits
 from taskspec.exact.rollout.statistics import ALARM, Difference, differences, seeds_interval
-from taskspec.exact.tables.freeze import freeze
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.frozen_task import FrozenTask, freeze
 from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.learn.exam.examinee import Examinee
 from taskspec.learn.experiments import races

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TypeVar
 
-from taskspec.exact.abstraction.symmetry_proofs import verify_symmetry
+from taskspec.exact.abstraction.abstraction import verify_symmetry
 from taskspec.exact.rules.claim_rules import MODELS, RESULTS
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.types import Role

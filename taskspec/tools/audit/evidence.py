@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import decimal
 from taskspec.base.limits import tell
-from taskspec.exact.abstraction.bisimulation import Rows, levels, signature
+from taskspec.exact.abstraction.abstraction import Rows, levels, signature
 from taskspec.exact.solve.backward import Given, Uniform
 from taskspec.exact.solve.plans import optimal_plan, stationary
 from taskspec.exact.solve.solve import Solvers

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from taskspec.base.display import decimal, estimate, plural
 from taskspec.base.limits import tell
-from taskspec.exact.abstraction.bisimulation import apart
+from taskspec.exact.abstraction.abstraction import apart
 from taskspec.exact.scores.returns import Return
 from taskspec.tools.audit.evidence import Evidence
 from taskspec.tools.audit.subject import Subject, Trace, TracePart, first_difference, frozen, shown

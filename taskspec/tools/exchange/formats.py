@@ -12,8 +12,7 @@ from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
 from taskspec.exact.solve.outcomes import LARGEST_TABLE
-from taskspec.exact.tables.freeze import tables
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.frozen_task import FrozenTask, tables
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb

@@ -13,7 +13,7 @@ import pytest
 
 import taskspec
 from taskspec.exact import Results, score
-from taskspec.exact.abstraction.symmetry_proofs import verify_symmetry
+from taskspec.exact.abstraction.abstraction import verify_symmetry
 from taskspec.language.registry import task_ids
 from taskspec.language.task.task import Task
 from tests.programs.test_trajectories import walk_together

@@ -10,7 +10,7 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, check
-from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
+from taskspec.exact.abstraction.abstraction import SymmetryCheck, verify_symmetry
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task

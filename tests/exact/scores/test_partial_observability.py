@@ -16,7 +16,7 @@ import taskspec
 from taskspec import load
 from taskspec.base import limits
 from taskspec.exact import PomdpBounds, Results, check, extract, pomdp_bounds
-from taskspec.exact.scores.partial_observability import SEARCHES, best_observing
+from taskspec.exact.scores.difficulty import SEARCHES, best_observing
 from taskspec.exact.solve.enclosure import Enclosure
 from taskspec.language.modifiers import keeps_observers
 from taskspec.language.source import read_text

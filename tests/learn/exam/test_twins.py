@@ -11,7 +11,7 @@ import pytest
 import taskspec
 from taskspec.data import demonstrations
 from taskspec.exact import Results
-from taskspec.exact.scores.partial_observability import best_observing
+from taskspec.exact.scores.difficulty import best_observing
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build

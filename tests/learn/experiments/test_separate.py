@@ -11,8 +11,7 @@ import pytest
 from taskspec import experiments, load
 from taskspec.exact import Results
 from taskspec.exact.model.extract import extract
-from taskspec.exact.tables.freeze import freeze
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.exact.tables.frozen_task import FrozenTask, freeze
 from taskspec.exact.tables.spec_text import spec_text, task_of_tables
 from taskspec.learn.exam.examinee import learner_of
 from taskspec.learn.experiments.separate import Search

@@ -14,7 +14,7 @@ import yaml
 
 from taskspec import load
 from taskspec.exact import Results
-from taskspec.exact.scores.partial_observability import best_observing
+from taskspec.exact.scores.difficulty import best_observing
 from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.exact.tables.spec_text import spec_text, task_of_tables
 from taskspec.language.task.legal import with_all_actions

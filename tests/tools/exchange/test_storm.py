@@ -11,7 +11,7 @@ import pytest
 from taskspec import load
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results
-from taskspec.exact.scores.partial_observability import best_observing
+from taskspec.exact.scores.difficulty import best_observing
 from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.language.registry import known
 from taskspec.tools.exchange import formats, storm

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import ON_PAGES, plural, visible
 from taskspec.base.display import number as digits
-from taskspec.exact.scores.partial_observability import hidden_bits
+from taskspec.exact.scores.difficulty import hidden_bits
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.questions import components_read
 from taskspec.language.task.record import count, short
