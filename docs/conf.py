@@ -18,7 +18,7 @@ from docutils import nodes
 from taskspec import __version__
 from taskspec.language.printers import tex
 from taskspec.language.printers.markup import mathml
-from taskspec.show.pages.render.gallery import gallery_style
+from taskspec.show.pages.render.html import gallery_style
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"

@@ -280,7 +280,7 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
 
 
 def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:
-    kept = pytest.importorskip("taskspec.programs.numba.cache")
+    kept = pytest.importorskip("taskspec.programs.numba.module")
     large = load(spec_file("catch"), rows=50, columns=50)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     assert vector.VectorEnvironment(large, 2).backend == "numpy"

@@ -23,8 +23,7 @@ from taskspec.language import registry
 from taskspec.language.task.task import Task
 from taskspec.learn.exam import report, results
 from taskspec.show.figures import Scene, scene, svg
-from taskspec.show.pages.render.gallery import gallery_style
-from taskspec.show.pages.render.html import page_style
+from taskspec.show.pages.render.html import gallery_style, page_style
 from taskspec.show.pages.write import gather_pages, write_pages
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ from taskspec.base.files import write_text
 from taskspec.language import registry
 from taskspec.language.suites import SUITES
 from taskspec.show import figures, pages
-from taskspec.show.pages.render.gallery import gallery
+from taskspec.show.pages.render.html import gallery
 from taskspec.show.pages.render.markdown import markdown
 from taskspec.show.pages.render.suite import Suite
 from taskspec.show.pages.write import gather_pages

@@ -16,10 +16,10 @@ from taskspec.exact.scores.returns import CLAIMS, NUMBERS
 from taskspec.language.expressions.operators import INFIX
 from taskspec.language.source import read_text
 from taskspec.language.source.document import EXTENDS
+from taskspec.language.suites import CAPABILITIES
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.parts import FIGURE_KINDS
-from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.spaces import space
 from taskspec.language.task.task import Task

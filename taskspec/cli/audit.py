@@ -12,8 +12,7 @@ import typer
 from typer import Argument, Option
 
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import misuse, progress, say, write_json
 
 
 def audit(

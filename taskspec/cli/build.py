@@ -10,9 +10,8 @@ import typer
 
 from taskspec.base.limits import telling
 from taskspec.base.terminal import console, line
-from taskspec.cli.console import fail, print_diagnostics, say
+from taskspec.cli.console import fail, print_diagnostics, progress, say
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
-from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.exact.check.report import Report
@@ -32,7 +31,7 @@ def build(
     from taskspec.exact.check.check_text import print_table, print_verdict
     from taskspec.exact.check.file_checks import check_file, counts, problems_of
     from taskspec.language.targets import files_of
-    from taskspec.show.pages.build import TaskResults, write_build
+    from taskspec.show.pages.write import TaskResults, write_build
     from taskspec.tools.authoring.checks import examine
 
     start = time.perf_counter()

@@ -7,8 +7,7 @@ from typing import Annotated
 from typer import Option
 
 from taskspec.cli import options
-from taskspec.cli.console import say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import progress, say, write_json
 
 
 def card(

@@ -14,8 +14,7 @@ from taskspec.base.diagnostics import render
 from taskspec.base.display import plural
 from taskspec.base.terminal import console
 from taskspec.cli import options
-from taskspec.cli.console import print_diagnostics, say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import print_diagnostics, progress, say, write_json
 
 FORMATS = ("text", "json", "github")
 Format = Annotated[str, options.choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")]

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from taskspec.base.terminal import console, line
-from taskspec.cli.console import misuse, say, write_records
+from taskspec.cli.console import misuse, progress, say, write_records
 from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant, seed_option
-from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.data import Demonstrations, Preferences

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import decimal
-from taskspec.base.terminal import console, line
+from taskspec.base.terminal import Columns, console, line
 from taskspec.cli import options
 from taskspec.cli.completions import complete_targets
-from taskspec.cli.console import misuse, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import misuse, progress, write_json
 
 if TYPE_CHECKING:
     from taskspec.exact.abstraction.difference import TaskRelation

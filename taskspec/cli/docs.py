@@ -12,8 +12,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
 from taskspec.base.files import near
 from taskspec.cli import options
-from taskspec.cli.console import print_diagnostics, say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import print_diagnostics, progress, say, write_json
 
 if TYPE_CHECKING:
     from taskspec.language.task.task import Task

@@ -8,9 +8,8 @@ from typing import Annotated
 from typer import Argument
 
 from taskspec.base.codes import Code, classes, codes
-from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.terminal import VisibleText, colored, console, line, terminal_width
+from taskspec.base.terminal import Columns, VisibleText, colored, console, line, terminal_width
 from taskspec.cli import options
 from taskspec.cli.console import say, write_json
 

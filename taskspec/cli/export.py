@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from taskspec.base.columns import Columns
 from taskspec.base.files import near, write_bytes
-from taskspec.base.terminal import console
+from taskspec.base.terminal import Columns, console
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import misuse, progress, say, write_json
 
 if TYPE_CHECKING:
     from taskspec.exact.model.model import Model

@@ -10,9 +10,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.base.limits import limits
+from taskspec.base.terminal import Columns
 from taskspec.cli.console import fail, reported, say
 
 FIRST = """\

@@ -31,7 +31,7 @@ def import_(
     an environment is made by [green]gymnasium.make[/].
     """
     from taskspec.exact.tables.spec_text import spec_text
-    from taskspec.tools.exchange.importing import imported
+    from taskspec.tools.exchange.formats import imported
 
     task = imported(source, format, name, horizon)
     write_output(spec_text(task), output)

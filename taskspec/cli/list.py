@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
-from taskspec.base.terminal import VisibleText, console
+from taskspec.base.terminal import Columns, VisibleText, console
 from taskspec.cli import options
 from taskspec.cli.console import fail, write_json
 

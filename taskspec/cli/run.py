@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say, write_records
-from taskspec.cli.progress import progress
+from taskspec.cli.console import misuse, progress, say, write_records
 
 if TYPE_CHECKING:
     from taskspec.language.task.parts import RenderMode
@@ -56,8 +55,7 @@ def run(
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
     from taskspec.envs.recording import watching
-    from taskspec.envs.rollout_text import print_summary, summary_data
-    from taskspec.envs.rollouts import episodes_of, summarize
+    from taskspec.envs.rollouts import episodes_of, print_summary, summarize, summary_data
     from taskspec.envs.window import has_display
     from taskspec.language.targets import beside, tasks_of
 

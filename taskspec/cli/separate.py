@@ -11,8 +11,7 @@ from taskspec.base.files import near, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
 from taskspec.cli.completions import complete_experiments, complete_learners
-from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import misuse, progress, say, write_json
 
 FAMILY = "families/tables"
 Learner = Annotated[

@@ -8,8 +8,7 @@ from typing import Annotated
 from typer import Option
 
 from taskspec.cli import options
-from taskspec.cli.console import write_records
-from taskspec.cli.progress import progress
+from taskspec.cli.console import progress, write_records
 
 Episodes = Annotated[int, Option("--episodes", "-n", min=2, help="Used where simulation is needed.")]
 DifficultyAsked = Annotated[

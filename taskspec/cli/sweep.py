@@ -12,8 +12,7 @@ from taskspec.base.files import safe_name
 from taskspec.base.terminal import console, line
 from taskspec.cli import options
 from taskspec.cli.completions import complete_experiments
-from taskspec.cli.console import say_written, write_json
-from taskspec.cli.progress import progress
+from taskspec.cli.console import progress, say_written, write_json
 
 if TYPE_CHECKING:
     pass

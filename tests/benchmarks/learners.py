@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from taskspec.base.columns import Columns
 from taskspec.base.extras import machine
-from taskspec.base.terminal import console
+from taskspec.base.terminal import Columns, console
 from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
 from taskspec.learn.exam.case import Case, ExamTerms

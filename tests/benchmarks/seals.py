@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import machine, need
-from taskspec.base.terminal import VisibleText, console
+from taskspec.base.terminal import Columns, VisibleText, console
 from taskspec.cli.console import write_json
 from tests.benchmarks.peers import empty_scalar
 from tests.benchmarks.printed import Progress, footer, percent

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.columns import Columns
-from taskspec.base.terminal import console
+from taskspec.base.terminal import Columns, console
 from taskspec.cli.console import say, write_json
 from tests.benchmarks.tables import SUITE
 from tests.tools.studio.browser import VIEW, Page, chromium, served

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec.base.limits import tell, telling
-from taskspec.cli import progress
+from taskspec.cli import console
 from taskspec.cli.app import app
 
 
@@ -28,9 +28,9 @@ def test_a_bar_says_which_part_it_is_and_how_long_the_rest_may_take(monkeypatch:
     terminal = Terminal()
     clock = iter(range(1_000))
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
-    with progress.progress("work"):
+    monkeypatch.setattr(console, "PATIENCE", 0.0)
+    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+    with console.progress("work"):
         tell("before")
         for part in telling(["a", "b", "c", "d"], "part {}".format):
             tell(f"inside {part}")
@@ -64,11 +64,11 @@ def test_commands_that_take_long_tell_what_they_do(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     heard: list[tuple[str, float | None]] = []
-    show = progress.ProgressLine.show
+    show = console.ProgressLine.show
     monkeypatch.setattr(
-        progress.ProgressLine, "show", lambda self, *words: (heard.append((*words, None)[:2]), show(self, *words))
+        console.ProgressLine, "show", lambda self, *words: (heard.append((*words, None)[:2]), show(self, *words))
     )
-    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    monkeypatch.setattr(console, "is_terminal", lambda: True)
     assert CliRunner().invoke(app, command.split()).exit_code == 0
     for words in told:
         assert any(words in what and share is not None for what, share in heard), words

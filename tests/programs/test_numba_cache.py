@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from taskspec.programs.numba import cache
+from taskspec.programs.numba import module
 
 PROGRAM = """
 import json, sys
@@ -70,16 +70,16 @@ def step(x):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Where kernels are kept."""
     monkeypatch.setenv("TASKSPEC_CACHE", str(tmp_path))
-    cache._warn_once.cache_clear()
+    module._warn_once.cache_clear()
     yield tmp_path / "numba"
-    cache.load.cache_clear()
+    module.load.cache_clear()
 
 
 def outcome(number: int = 1) -> tuple[int, bool]:
     """The result of a function for 1, and whether Numba had it on disk."""
-    cache.load.cache_clear()
-    function = cache.load(SOURCE.format(number)).step
-    return cache.compiled(function, 1)(1), bool(function.stats.cache_hits)
+    module.load.cache_clear()
+    function = module.load(SOURCE.format(number)).step
+    return module.compiled(function, 1)(1), bool(function.stats.cache_hits)
 
 
 def test_what_is_kept_is_found_again_and_is_private(folder: Path) -> None:
@@ -182,12 +182,12 @@ def test_a_place_that_cannot_be_a_folder_is_done_without(
 
 WORKER = """
 import sys
-from taskspec.programs.numba import cache
+from taskspec.programs.numba import module
 
 source, own = sys.argv[1:]
 for number in (*range(20), own):
-    function = cache.load(source.format(number)).step
-    assert cache.compiled(function, 1)(1) == 1 + int(number)
+    function = module.load(source.format(number)).step
+    assert module.compiled(function, 1)(1) == 1 + int(number)
 """
 
 

@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.diagnostics import Diagnostic, records
 from taskspec.base.display import plural
-from taskspec.base.terminal import VisibleText, console, line
+from taskspec.base.terminal import Columns, VisibleText, console, line
 from taskspec.exact.check.file_checks import Checked, FileReport, counts, problems_of
 from taskspec.language.source import Kind
 from taskspec.programs.agreement import EVERY

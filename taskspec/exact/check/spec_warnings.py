@@ -27,11 +27,11 @@ from taskspec.language.expressions.syntax import Name
 from taskspec.language.expressions.types import TIME, Expression, Role
 from taskspec.language.printers.names import of_task
 from taskspec.language.registry import load
+from taskspec.language.suites import CAPABILITIES
 from taskspec.language.task import questions
 from taskspec.language.task.merge import Merged, merge
 from taskspec.language.task.parts import by_name
 from taskspec.language.task.questions import components_followed, is_random, reads_time, written_in
-from taskspec.language.task.schema.capabilities import CAPABILITIES
 from taskspec.language.task.task import Task, TaskLike
 
 SAME = 1e-9  # numbers that differ by less, relative to their size, count as equal

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate, number
-from taskspec.base.terminal import VisibleText, console, line
+from taskspec.base.terminal import Columns, VisibleText, console, line
 from taskspec.exact.rollout.rollout import return_range
 from taskspec.exact.scores.difficulty import Difficulty, PomdpBounds, difficulty, pomdp_bounds
 from taskspec.exact.scores.returns import Results, Return, why_no_expert

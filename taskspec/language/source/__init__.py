@@ -15,8 +15,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.language.source.compose import compose
-from taskspec.language.source.document import EXTENDS, span
+from taskspec.language.source.document import EXTENDS, compose, span
 from taskspec.language.source.document import Document as Document
 from taskspec.language.source.document import Path as Path
 from taskspec.language.source.nodes import (

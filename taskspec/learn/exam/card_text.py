@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import fixed, interval, plural
-from taskspec.base.terminal import VisibleText, console, line
+from taskspec.base.terminal import Columns, VisibleText, console, line
 from taskspec.exact.rules.score_rules import short_name
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix, nearest
 from taskspec.learn.exam.comparison import LearnersComparison, compare, lines

@@ -25,7 +25,6 @@ from taskspec.language.modifiers import modify
 from taskspec.language.task.schema.experiments import ExamDocument
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, suites_of, tasks_of, twins_of
-from taskspec.learn.exam.budget import SEEDS, seeds_and_steps
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.changes import almost, check_comparable
 from taskspec.learn.exam.examinee import Examinee, learner_of
@@ -34,7 +33,17 @@ from taskspec.learn.exam.flags import flags
 from taskspec.learn.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.learn.exam.learned import learned_flags
 from taskspec.learn.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, read, write
-from taskspec.learn.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
+from taskspec.learn.exam.trial import (
+    SEEDS,
+    LearnerFailed,
+    Row,
+    Trial,
+    baselines,
+    key_of,
+    run_trial,
+    score,
+    seeds_and_steps,
+)
 from taskspec.learn.exam.verdicts import verdicts
 
 WIDEST = 16

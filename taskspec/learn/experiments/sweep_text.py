@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, estimate
-from taskspec.base.terminal import VisibleText
+from taskspec.base.terminal import Columns, VisibleText
 from taskspec.learn.experiments.sweeping import Measured
 
 MEASURES = ("solution_length", "best_at_random")

@@ -13,9 +13,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.language.task.task import Task
-from taskspec.programs.numba.cache import compiled, load
 from taskspec.programs.numba.loops import Program
-from taskspec.programs.numba.module import BAD, generate
+from taskspec.programs.numba.module import BAD, compiled, generate, load
 from taskspec.programs.vector_program import (
     BadActionError,
     Buffers,

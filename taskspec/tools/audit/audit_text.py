@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import decimal, plural
-from taskspec.base.terminal import console, line
+from taskspec.base.terminal import Columns, console, line
 from taskspec.tools.audit.findings import Audit
 from taskspec.tools.audit.subject import first_difference, shown
 

@@ -1,19 +1,23 @@
-"""Files of other tools: unpacked up to a limit, and refused with the reason."""
+"""Files of other tools: unpacked up to a limit, refused with the reason, and made into tables after checks of every number."""
 
 from __future__ import annotations
 
 import gzip
 import io
 import lzma
+import math
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, NoReturn
 
 from taskspec.base.diagnostics import SpecError, spec_error
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.base.limits import limits
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
+from taskspec.exact.tables.frozen_task import FrozenTask, plain_names
 
 MOST_BYTES = 50_000_000
 """The size of a file, unpacked."""
@@ -121,3 +125,150 @@ def listed(names: Sequence[str]) -> str:
     if len(names) > MOST_LISTED:
         return f"{shown} and {len(names) - MOST_LISTED:,} more"
     return shown
+
+
+MOST_ROWS = 100_000
+"""Pairs of a state and an action."""
+MOST_OUTCOMES = 500_000
+LARGEST = 10**100
+"""The largest size of a reward, or of what is observed."""
+SLACK = 1e-6
+"""How far from 1 the sum of probabilities may be."""
+
+Row = Mapping[str, Sequence[Outcome]]
+"""The outcomes of a state by the name of the action."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The parts of a file that a task has.
+
+    Attributes:
+        start: the probabilities of first states.
+        rows: the outcomes in each state.
+        states: their names, if the file has some.
+        seen: the numbers that are observed in each state; None where the state itself is observed.
+        labels: sets of states that mean something to readers, by name.
+        values: the values of components in each state, by name.
+        lost: the parts of the file that are not in the other attributes.
+    """
+
+    start: Mapping[int, Number]
+    rows: Sequence[Row]
+    states: Sequence[object] = ()
+    horizon: int | None = None
+    discount: float = 1.0
+    seen: tuple[tuple[float, ...], ...] | None = None
+    labels: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    values: tuple[Mapping[str, int], ...] = ()
+    lost: Sequence[str] = ()
+    remarks: Sequence[str] = ()
+
+
+def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
+    """Return the tables of a file.
+
+    An action that a state does not have is not legal there. A state without actions stays, and one with the same outcomes for
+    all of its actions has them for all, so that an action without an alternative anywhere is left out.
+    """
+    rows = contents.rows
+    actions = _actions(rows)
+    _check_sizes(source, contents, len(actions))
+    _check_observations(source, contents)
+    names = [str(name) for name in contents.states or range(len(rows))]
+    start = [contents.start.get(s, Fraction(0)) for s in range(len(rows))]
+    task = FrozenTask(
+        name="Imported", states=plain_names(names, "s"), actions=plain_names(actions, "a"),
+        start=tuple(_normal(source, "the start distribution", start)),
+        outcomes=tuple(_checked_row(source, s, row, actions, len(rows)) for s, row in enumerate(rows)),
+        horizon=contents.horizon, discount=contents.discount, seen=contents.seen, values=contents.values,
+        labels=contents.labels, remarks=tuple(contents.remarks),
+    )  # fmt: skip
+    if contents.lost:
+        task = task.remarked(f"lost: {listed(sorted(contents.lost))}")
+    single = {name for row in rows for name in row if name not in actions}
+    if single:
+        task = task.remarked(f"lost: actions without an alternative ({listed(sorted(map(repr, single)))})")
+    renamed = []
+    for given, plain in zip([*names, *actions], [*task.states, *task.actions], strict=True):
+        if given != plain and not given.isdecimal():
+            renamed.append(f"{given[:20]!r} -> {plain}")
+    if renamed:
+        task = task.remarked(f"renamed: {listed(renamed)}")
+    if any(_pays_by_chance(outcomes) for row in rows for outcomes in row.values()):
+        task = task.remarked("rewards that are drawn: their mean, for each next state")
+    return task
+
+
+def _check_sizes(source: ForeignFile, contents: Contents, actions: int) -> None:
+    horizon = contents.horizon
+    if horizon is not None and not (type(horizon) is int and 0 < horizon <= limits().horizon):
+        source.wrong(f"the horizon is {horizon}; it must be between 1 and {limits().horizon:,}")
+    if not 0 <= contents.discount <= 1:
+        source.wrong(f"the discount is {contents.discount}; it must be between 0 and 1")
+    count = len(contents.rows)
+    if count * actions > MOST_ROWS:
+        source.wrong(f"{count:,} states with {actions:,} actions; {MOST_ROWS:,} pairs are the most that is read")
+    if sum(len(outcomes) for row in contents.rows for outcomes in row.values()) > MOST_OUTCOMES:
+        source.wrong(f"it has more than {MOST_OUTCOMES:,} outcomes")
+    if contents.states and len(contents.states) != count:
+        source.wrong(f"it has {len(contents.states):,} names for {count:,} states")
+    for name, held in (("the start distribution", contents.start), *contents.labels.items()):
+        if any(not 0 <= s < count for s in held):
+            source.wrong(f"{name} has states beyond its {count:,}")
+
+
+def _check_observations(source: ForeignFile, contents: Contents) -> None:
+    seen = contents.seen
+    if seen is None:
+        return
+    if len(seen) != len(contents.rows) or len({len(row) for row in seen}) != 1 or not seen[0]:
+        source.wrong(f"it does not have equally many observed numbers for each of its {len(contents.rows):,} states")
+    if not all(abs(value) <= LARGEST for row in seen for value in row):
+        source.wrong("it has an observation that is not finite, or too large")
+
+
+def _actions(rows: Sequence[Row]) -> list[str]:
+    """Return the actions of all states that have several; one action if none has."""
+    names = dict.fromkeys(name for row in rows if len(row) > 1 for name in row)
+    if names:
+        return list(names)
+    return [next((name for row in rows for name in row), "only")]
+
+
+def _checked_row(source: ForeignFile, s: int, row: Row, actions: Sequence[str], count: int) -> tuple[Outcomes, ...]:
+    """Return the outcomes of each action in a state; the same for all where those that it has do the same."""
+    own = {name: _checked(source, s, outcomes, count) for name, outcomes in row.items()}
+    if len(set(own.values())) <= 1:
+        stays = (Outcome(Fraction(1), s, Fraction(0), False),)
+        return (next(iter(own.values()), stays),) * len(actions)
+    return tuple(own.get(name, ()) for name in actions)
+
+
+def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: int) -> Outcomes:
+    for outcome in outcomes:
+        if not 0 <= outcome.state < count:
+            source.wrong(f"state {s} leads to state {outcome.state}, which does not exist")
+        if not (math.isfinite(outcome.reward) and -LARGEST <= outcome.reward <= LARGEST):
+            source.wrong(f"state {s} pays a reward that is not finite, or too large")
+    likely = [outcome for outcome in outcomes if outcome.probability]
+    shares = _normal(source, f"state {s}", [outcome.probability for outcome in likely])
+    kept = zip(likely, shares, strict=True)
+    return merged(Outcome(share, o.state, o.reward, o.ends) for o, share in kept)
+
+
+def _pays_by_chance(outcomes: Sequence[Outcome]) -> bool:
+    paid: dict[tuple[int, bool], Number] = {}
+    likely = [o for o in outcomes if o.probability]
+    return any(paid.setdefault((o.state, o.ends), o.reward) != o.reward for o in likely)
+
+
+def _normal(source: ForeignFile, place: str, probabilities: Sequence[Number]) -> list[Number]:
+    if not all(0 <= p <= 1 for p in probabilities):
+        source.wrong(f"{place} has a probability that is not between 0 and 1")
+    total = sum(probabilities)
+    if not -SLACK <= total - 1 <= SLACK:
+        source.wrong(f"the probabilities of {place} sum to {float(total):.6g}, not to 1")
+    if isinstance(total, Fraction) and total != 1:
+        return [p / total for p in probabilities]
+    return list(probabilities)

@@ -22,7 +22,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import duration
 from taskspec.exam import read
 from taskspec.learn.exam import card_charts as pictures
-from taskspec.learn.exam import card_picture, findings, matrix_charts, report
+from taskspec.learn.exam import card_picture, findings, report
 from taskspec.learn.exam.card import card, matrix
 from taskspec.learn.exam.card_text import print_exams
 from taskspec.learn.exam.score_rows import FLOOR, RELABELLED, task_rows
@@ -268,12 +268,12 @@ def test_seeds_can_be_seen_on_light_and_on_dark_paper(theme: Theme) -> None:
 
 
 def test_no_words_of_a_matrix_overlap(results: dict[str, Any]) -> None:
-    assert_legible(matrix_charts.table(matrix(dict.fromkeys(("one", "two"), card(results)))).figure)
+    assert_legible(report.table(matrix(dict.fromkeys(("one", "two"), card(results)))).figure)
 
 
 def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
     exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": [-1.7, -3.1] * 7 + [-2.4]})}
-    drawn = dict(matrix_charts.of_several(matrix({name: card(each) for name, each in exams.items()})))
+    drawn = dict(report.of_several(matrix({name: card(each) for name, each in exams.items()})))
     assert "−2.40" in labels(drawn["table"]) and "−1.00" not in labels(drawn["table"])
     assert labels(drawn["learner-GAIL"]).count("−2.40") == 2
 
@@ -290,9 +290,9 @@ def test_the_matrix_has_the_verdict_as_colour_and_as_word() -> None:
         "fails",
     ]
     assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade is None
-    fills = matrix_charts.table(found).figure.axes[0].collections
+    fills = report.table(found).figure.axes[0].collections
     filled = fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")].get_facecolor()
-    assert to_hex(filled[0]) == matrix_charts.TINTS["fails"]
+    assert to_hex(filled[0]) == report.TINTS["fails"]
     page = report.page_of_several(found)
     assert "−3.00" in page and "earest known mistake: prolongs episodes: its learned reward is positive" in page
 
@@ -492,5 +492,5 @@ def test_numerals_are_the_means_of_the_data() -> None:
     found = matrix({name: card(each) for name, each in exams.items()})
     page = report.page_of_several(found)
     assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
-    drawn = [text for text in labels(matrix_charts.table(found)) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
+    drawn = [text for text in labels(report.table(found)) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
     assert sorted(drawn) == sorted(x.replace("−0.00", "0.00") for x in expected)

@@ -15,8 +15,8 @@ from taskspec.exam import examine
 from taskspec.experiments import expand, read
 from taskspec.language import registry
 from taskspec.language.task.schema.experiments import Experiment
-from taskspec.learn.exam.budget import SEEDS
 from taskspec.learn.exam.examining import STEPS
+from taskspec.learn.exam.trial import SEEDS
 from taskspec.learn.learners import BUILT_IN
 from tests.learn.learners import counting
 from tests.shared.commands import Done, spec

@@ -230,7 +230,7 @@ def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
 
 
 def test_a_sweep_off_a_terminal_says_how_far_it_is(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.cli.progress.BETWEEN_LINES", 0.0)
+    monkeypatch.setattr("taskspec.cli.console.BETWEEN_LINES", 0.0)
     done = Done("sweep", str(file), "--out", str(file.parent / "results"), "-j", "1", "-p", "L=2,3", "-f", "json")
     assert done.status == 0 and "noise 6/6" in done.err
 

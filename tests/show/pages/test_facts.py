@@ -10,7 +10,7 @@ from taskspec.exact import check
 from taskspec.language import registry
 from taskspec.show.pages.facts import gather
 from taskspec.show.pages.page import page
-from taskspec.show.pages.render.gallery import scores
+from taskspec.show.pages.render.html import scores
 from taskspec.show.pages.write import write
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files

@@ -19,7 +19,7 @@ from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.exact.tables.spec_text import spec_text, task_of_tables
 from taskspec.language.task.legal import with_all_actions
 from taskspec.tools.exchange import formats
-from taskspec.tools.exchange.importing import imported
+from taskspec.tools.exchange.formats import imported
 from tests.shared.commands import Done, spec
 from tests.tools.exchange.umb_files import REWARD, model
 

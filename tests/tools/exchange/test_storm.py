@@ -15,7 +15,7 @@ from taskspec.exact.scores.difficulty import best_observing
 from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.language.registry import known
 from taskspec.tools.exchange import formats, storm
-from taskspec.tools.exchange.importing import imported
+from taskspec.tools.exchange.formats import imported
 from taskspec.tools.exchange.settled import settled
 from tests.shared.commands import Done, spec
 

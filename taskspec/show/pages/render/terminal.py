@@ -10,10 +10,9 @@ from rich.console import Console, Group
 from rich.padding import Padding
 from rich.table import Table
 
-from taskspec.base.columns import Columns
 from taskspec.base.display import visible
 from taskspec.base.files import near
-from taskspec.base.terminal import VisibleText
+from taskspec.base.terminal import Columns, VisibleText
 from taskspec.language.printers import plain
 from taskspec.language.printers import tree as m
 from taskspec.language.printers.names import expression
