@@ -121,14 +121,12 @@ class Diagnostic:
             return None
         marked = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
         replaced = self.hint.replaced
+        before = ""
         if replaced[:1].isalnum():
             before = r"(?<!\w)"
-        else:
-            before = ""
+        after = ""
         if replaced[-1:].isalnum():
             after = r"(?!\w)"
-        else:
-            after = ""
         places = list(re.finditer(before + re.escape(replaced) + after, marked))
         if not replaced or len(places) != 1:
             return None
@@ -170,10 +168,9 @@ class Collector:
         """Record a problem. `place` is a span, anything that has one, or None for no place."""
         if code not in codes():
             raise KeyError(f"no diagnostic code {code!r} in the table")
+        span = None
         if place is not None:
             span = place.span
-        else:
-            span = None
         self._found.append(Diagnostic(code, span, message, hint, tuple(notes)))
 
     def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
@@ -272,10 +269,9 @@ def hints_once(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
     """Yield diagnostics with each hint once a file."""
     known: set[tuple[str, str]] = set()
     for each in diagnostics:
+        name = ""
         if each.span is not None:
             name = each.span.origin.name
-        else:
-            name = ""
         if each.hint is None or (name, each.hint) not in known:
             yield each
         else:
@@ -286,24 +282,21 @@ def hints_once(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
 def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     code = codes()[diagnostic.code]
     span = diagnostic.span
-    if color:
-        paint = _COLORS
-    else:
+    paint = _COLORS
+    if not color:
         paint = dict.fromkeys(_COLORS, "")
+    place = ""
     if span is not None:
         place = f"{visible(str(span), keep='')}: "
-    else:
-        place = ""
     name = f"{code.severity}[{code.code} {code.slug}]"
     lines = []
     if width is not None and _width(f"{place}{name}:") > width:  # a long path stands alone
         lines.append(place.rstrip())
         place = "    "
     message = _wrapped(visible(diagnostic.message), width, _width(f"{place}{name}: "), 4)
+    gap = " "
     if message.startswith("\n"):
         gap = ""
-    else:
-        gap = " "
     lines.append(f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}")
     remarks = [("note", note) for note in diagnostic.notes]
     if diagnostic.hint is not None:

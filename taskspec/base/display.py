@@ -68,10 +68,9 @@ def _is_hidden(char: str) -> bool:
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return an HTML table with a caption, a header, and rows of escaped text, for `_repr_html_`."""
     body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in rows)
+    head = ""
     if header:
         head = f"<thead><tr>{_cells('th', header)}</tr></thead>"
-    else:
-        head = ""
     return f"<table><caption>{_shown(caption)}</caption>{head}<tbody>{body}</tbody></table>"
 
 

@@ -79,9 +79,8 @@ def console(err: bool = False, wide: bool = False) -> Console:
     from rich.theme import Theme
 
     stream = _stream(err)
-    if stream.isatty():
-        kind = Console
-    else:
+    kind = Console
+    if not stream.isatty():
         kind = PipedConsole
     width = None
     if terminal_width(err) is None:
@@ -245,10 +244,9 @@ class Columns:
             if len(rows) < 2 or not shared:
                 continue
             for row in rows:
+                style = ""
                 if isinstance(row[self.names], Text):
                     style = row[self.names].style
-                else:
-                    style = ""
                 row[self.names] = Text(str(row[self.names]).replace(shared, "…", 1), style=style)
             above: list[Any] = [""] * len(self.headers)
             above[self.names] = Text(f"{indent}{shared}…", style="quiet")

@@ -78,10 +78,9 @@ def reported() -> Iterator[None]:
     except (TaskspecError, OSError) as error:
         message = f"error: {error}"
         if isinstance(error, OSError):
+            name = ""
             if error.filename is not None:
                 name = f"{error.filename}: "
-            else:
-                name = ""
             message = f"error[E711 file-unreadable]: {name}{error.strerror or error}"
         say(message, err=True)
         raise typer.Exit(1) from None

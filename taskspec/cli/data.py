@@ -112,9 +112,8 @@ def _write(
     format_of(output, format)  # a mistake is reported before the work
     records = []
     for task in tasks:
-        if len(tasks) == 1:
-            place = output
-        else:
+        place = output
+        if len(tasks) != 1:
             place = beside(output, task)
         with progress(task.instance_id):
             data = make(task)

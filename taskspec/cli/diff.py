@@ -64,10 +64,9 @@ def diff(
 
 def _print(relation: TaskRelation, first: str, second: str) -> None:
     out = console()
+    style = "warn"
     if relation.relation in ("identical", "same task"):
         style = "good"
-    else:
-        style = "warn"
     out.print(line((relation.relation, style), f": {relation.words}"))
     part = relation.difference
     if part is not None:

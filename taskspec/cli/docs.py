@@ -80,10 +80,9 @@ def docs(
                 warnings += set_aside(task, [*undrawn, *unknown_sources(task)])[0]
         if not tasks:
             raise SpecError(problems)
+        facts = {}
         if results:
             facts = facts_of(tasks, problems)
-        else:
-            facts = {}
         if brief is None:
             brief = set(wanted) <= ON_PAPER and len({task.id for task in tasks}) > MOST_IN_FULL
         written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)

@@ -48,10 +48,9 @@ def _find(text: str) -> Code:
 
 def _explain(code: Code) -> None:
     out = console()
+    style = "warn"
     if code.severity == "error":
         style = "bad"
-    else:
-        style = "warn"
     out.print(line((f"{code.severity}[{code.code} {code.slug}]", style), f": {code.title}\n"))
     if colored():
         from rich.markdown import Markdown

@@ -47,8 +47,7 @@ def figure(
         output = Path(f"{anchor(found[0].name)}.svg")
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
     for each in found:
-        if len(found) == 1:
-            place = output
-        else:
+        place = output
+        if len(found) != 1:
             place = beside(output, each)
         say(f"wrote {pages.figure(each, place, wanted)}")

@@ -61,10 +61,9 @@ def fmt(
         else:
             write_text(path, new)
     print_diagnostics(problems)
+    done = "changed"
     if check or diff:
         done = "would change"
-    else:
-        done = "changed"
     console(err=True).print(f"{plural(changed, 'file')} {done}, {len(paths) - changed} left as they are")
     if problems or (check and changed):
         raise typer.Exit(1)

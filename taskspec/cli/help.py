@@ -63,10 +63,9 @@ class Commands(TyperGroup):
         for name in self.list_commands(ctx):
             command: Any = self.get_command(ctx, name)
             panel = command.rich_help_panel
+            title = "Commands"
             if isinstance(panel, str):
                 title = panel
-            else:
-                title = "Commands"
             panels.setdefault(title, []).append((name, command.get_short_help_str(400)))
         panels["Options"] = [_record(param, ctx) for param in self.get_params(ctx)]
         _print_help(self, ctx, panels)
@@ -83,10 +82,9 @@ def usage_reported() -> Iterator[None]:
             raise
         message = error.format_message().rstrip(".")
         text, _, hint = message.partition(" Did you mean")
+        path = "taskspec"
         if error.ctx is not None:
             path = error.ctx.command_path
-        else:
-            path = "taskspec"
         if hint:
             near = f"did you mean{hint}"
         else:

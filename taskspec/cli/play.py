@@ -34,10 +34,9 @@ def play(
     def report(before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
         rewards.append(float(reward) * found.discount ** len(rewards))
         if ended or cut:
+            how = "truncated"
             if ended:
                 how = "terminated"
-            else:
-                how = "truncated"
             say(f"return {sum(rewards):g} in {len(rewards)} steps, {how}")
             rewards.clear()
 

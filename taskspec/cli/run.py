@@ -86,10 +86,9 @@ def run(
 
 
 def _kind_of(render: str | None, output: Path | None) -> str | None:
+    suffix = None
     if output is not None:
         suffix = output.suffix[1:].lower()
-    else:
-        suffix = None
     kind = render or suffix
     if kind is not None:
         options.checked_choice("--render", kind, tuple(RENDER_MODES))

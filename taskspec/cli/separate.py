@@ -59,9 +59,8 @@ def separate(
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
     tasks = family_of(family)
-    if second is None:
-        opponent = None
-    else:
+    opponent = None
+    if second is not None:
         opponent = learner_of(second)
     search = Search(
         tasks, learner_of(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs, progress=tell

@@ -205,8 +205,7 @@ def make_vec(
     given = {**parameters, "modifiers": modifiers}
     if isinstance(instance_seed, Sequence):
         tasks = [_loaded(source, variant, {**given, "instance_seed": seed}) for seed in instance_seed]
-        lanes: VectorEnvironment = _instance_lanes(tasks, num_envs, options)
-        return lanes
+        return _instance_lanes(tasks, num_envs, options)
     if instance_seed is not None:
         given["instance_seed"] = instance_seed
     task = _loaded(source, variant, given)
@@ -255,14 +254,12 @@ def made_by(task: Task) -> EnvSpec | None:
 
 def make_registered(**options: Any) -> Environment:
     """Return what `gym.make` calls: keywords are those of `_made`."""
-    made: Environment = _made(make, **options)
-    return made
+    return _made(make, **options)
 
 
 def make_vec_registered(**options: Any) -> VectorEnvironment:
     """Return what `gym.make_vec` calls: keywords are those of `_made`."""
-    made: VectorEnvironment = _made(make_vec, **options)
-    return made
+    return _made(make_vec, **options)
 
 
 def _made(

@@ -58,9 +58,8 @@ class Film:
         """Add the state of the environment; the last state of an episode stays for a second."""
         horizon = env.task.horizon  # progress without one: which episode is shown
         self._begun += env.time == 0
-        if horizon is None:
-            part = 0.0
-        else:
+        part = 0.0
+        if horizon is not None:
             part = env.time / horizon
         what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
         tell(what, (self._begun - 1 + part) / self._episodes)

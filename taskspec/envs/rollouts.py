@@ -80,10 +80,9 @@ def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDr
 
 def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
     task = env.task
+    memory = None
     if policy.task.annotations.remembers:
         memory = task.annotations.memory
-    else:
-        memory = None
     remembered: list[Flat] = []
     last: list[Flat] = []
 
@@ -280,9 +279,8 @@ def print_summary(task: Task, policy: str, seed: int, summary: Summary) -> None:
     """Print how a policy did: return with its interval, lengths, and how episodes ended."""
     out = console()
     given = f" {settings(task)}".rstrip()
-    if "." in policy:
-        who = policy
-    else:
+    who = policy
+    if "." not in policy:
         who = f"{policy} policy"
     out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
     table = Columns("", "", styles=("quiet",), fold=(1,))

@@ -98,10 +98,9 @@ def _label(c: Component, domain: Domain | None, value: str) -> int:
 def _needs(c: Component) -> str:
     if c.domain is not None:
         return f"one of {', '.join(c.domain.labels)}"
+    shape = ""
     if c.type.shape:
         shape = f" of shape {list(c.type.shape)}"
-    else:
-        shape = ""
     kind = {Kind.BOOL: "true or false", Kind.INT: "an int", Kind.REAL: "a real number"}[c.type.kind]
     if c.type.kind is Kind.BOOL or not c.type.size:
         return f"{kind}{shape}"

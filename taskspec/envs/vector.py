@@ -152,9 +152,8 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             options: `{"reset_mask": array}`.
         """
         mask = reset_option(options, "reset_mask")
-        if mask is None:
-            lanes = None
-        else:
+        lanes = None
+        if mask is not None:
             lanes = self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
@@ -180,10 +179,9 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ActionError(message) from None
         except LanesNotRunningError:
             raise self._not_running() from None
+        infos = {}
         if ended and self._same_step:
             infos = self._final()
-        else:
-            infos = {}
         if before is not None:
             infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
         if stepped is not None:

@@ -119,8 +119,7 @@ def frame(
 
         lines = textwrap.wrap(_set(note), LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
-    pixels: Frame = importlib.import_module(FRAME).render_frame(task, state, title, seen=seen or {time: state})
-    return pixels
+    return importlib.import_module(FRAME).render_frame(task, state, title, seen=seen or {time: state})
 
 
 def _set(note: str) -> str:

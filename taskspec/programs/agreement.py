@@ -315,10 +315,9 @@ class ScalarLanes:
         results = []
         for i, action in enumerate(actions):
             observation, reward, terminated, truncated, info = self._lanes[i].step(action)
+            measures = {}
             if self._task.process.measures:
                 measures = info["measures"]
-            else:
-                measures = {}
             seen = _step(observation, reward, terminated, truncated, measures)
             for name in self._task.info:
                 seen[name] = np.ravel(info[name])

@@ -52,8 +52,7 @@ def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
     Raises:
         SpecError: E713 for a backend that does not exist, E705 for one whose packages are not installed.
     """
-    made: Engine = _named(BACKENDS[choose(task, backend)].engine)(task, lanes, options)
-    return made
+    return _named(BACKENDS[choose(task, backend)].engine)(task, lanes, options)
 
 
 def choose(task: Task, backend: str) -> str:

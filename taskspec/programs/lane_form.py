@@ -363,10 +363,9 @@ def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
 
 def _row(lane: LaneEmitter, x: Node, index: str, row: int) -> LaneValue:
     """One row of x: an expression when it is a single element; constants are kept outside the step."""
+    flat = None
     if isinstance(x, Const):
         flat = x.numbers
-    else:
-        flat = None
     if row != 1 and flat is not None:
         rows = tuple(flat[k : k + row] for k in range(0, len(flat), row))
         return LaneValue(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))

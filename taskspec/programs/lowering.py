@@ -281,9 +281,8 @@ def _table(b: Builder, node: Node, variables: frozenset[Read]) -> Node:
     points: dict[tuple[Role, str], Array] = {}
     place: Node = b.scalar(0)
     for read, count, digits in zip(reads, counts, places, strict=True):
-        if read.type.kind is Kind.BOOL:
-            low = 0
-        else:
+        low = 0
+        if read.type.kind is not Kind.BOOL:
             low = int(read.low)
         points[read.role, read.name] = (digits + low).astype(np.bool_ if read.type.kind is Kind.BOOL else np.int64)
         digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))

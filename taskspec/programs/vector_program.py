@@ -182,10 +182,9 @@ def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     dtype = np.int64 if layout.parts[0].is_whole else np.float64
     segments = list(zip(task.action, layout.segments, strict=True))
     unsigned = dtype is np.int64 and not low.any()  # as such, negative numbers are huge: one comparison is enough
+    largest = high
     if unsigned:
         largest = high.astype(np.uint64)
-    else:
-        largest = high
 
     def read(actions: Any) -> tuple[Array, ...]:
         rows = action_array(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")

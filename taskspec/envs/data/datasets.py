@@ -33,10 +33,9 @@ SPACE = (np.dtype(np.int64), np.dtype(np.float32))  # the types of observations 
 
 def check_transitions(data: Transitions, is_whole: bool) -> None:
     """Check the arrays of whole episodes, or of segments: runs of steps that only the last may end."""
+    rows = 0
     if np.ndim(data.rews):
         rows = len(data.rews)
-    else:
-        rows = 0
     if not rows:
         raise ValueError("it has no transitions")
     for name, types in {"rews": REAL, "terminated": BOOL, "truncated": BOOL, "episode": WHOLE, "time": WHOLE}.items():
@@ -69,10 +68,9 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
     """Check the labels of each pair of segments."""
+    pairs = 0
     if np.ndim(preferences):
         pairs = len(preferences)
-    else:
-        pairs = 0
     if not np.array_equal(segments.episode[segments.starts], np.arange(2 * pairs)):
         raise ValueError(f"`episode` does not number the segments of {pairs} pairs from 0 to {2 * pairs - 1}")
     _check("preferences", preferences, REAL, (pairs,))
@@ -109,9 +107,8 @@ def write_table(
         if np.ndim(values) > 1:
             held[name] = arrow.FixedSizeListArray.from_arrays(held[name], math.prod(np.shape(values)[1:]))
     table = arrow.table(held)
-    if metadata is None:
-        kept = None
-    else:
+    kept = None
+    if metadata is not None:
         kept = {KEY: json.dumps(metadata)}
     parquet.write_table(table.replace_schema_metadata(kept), path)
 
@@ -125,10 +122,9 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     found = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
+        values = column
         if shapes[name]:
             values = column.flatten()
-        else:
-            values = column
         found[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
     return found, metadata
 

@@ -245,9 +245,8 @@ def preferences(
     else:
         ends = (0.0, 0.0)
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
-    if length is None:
-        segments = whole
-    else:
+    segments = whole
+    if length is not None:
         segments = _cut(whole, length, seed)
     returns = segments.returns(found.discount)
     near = who.seen(segments, found.discount)

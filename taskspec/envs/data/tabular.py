@@ -100,8 +100,7 @@ class Tabular:
         values = evaluate(nodes, self.model.reads())
         flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
         write(layout, held.segments(), flats, np.arange(self.n_states))
-        found: Seen = map_parts(np.array, held.view())
-        return found
+        return map_parts(np.array, held.view())
 
     @cached_property
     def features(self) -> Array:

@@ -202,10 +202,9 @@ def _check_step(model: Model, step: Step, t: int) -> None:
     for rows, message in problems:
         action, state = np.nonzero(rows.reshape(shape) & model.acting)
         if len(state):
+            when = ""
             if model.is_timed:
                 when = f" at t = {t}"
-            else:
-                when = ""
             place = f"{model.state_name(int(state[0]))} with {model.action_name(int(action[0]))}{when}"
             refuse(f"{message}, from {place}")
     step.R[wrong] = 0.0
@@ -400,10 +399,9 @@ def _rows(steps: Steps, codes: Array, states: Array, actions: Array, t: int) -> 
         weights[:, i] = f.weight
         ends[:, i] = f.terminal
         reward += f.weight * f.reward
+    flat = None
     if steps.ends:
         flat = ends.reshape(-1)
-    else:
-        flat = None
     return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), flat, reward, lowest, highest)
 
 
@@ -460,10 +458,9 @@ def _assembled(parts: list[Rows], states: int) -> Step:
     lowest = min(part.lowest for part in parts)
     highest = max(part.highest for part in parts)
     rounding = RoundingTerms(int(counts.max(initial=0)), lowest, highest)
+    P_end = None
     if len(matrices) > 1:
         P_end = matrices[1]
-    else:
-        P_end = None
     return Step(matrices[0], P_end, reward, rounding, escaping)
 
 

@@ -36,9 +36,8 @@ class Method:
             return f"sampled: {self.points:,} points"
         if not self.points:
             return "by bounds"
-        if self.states is None:
-            states = ""
-        else:
+        states = ""
+        if self.states is not None:
             states = f", {self.states:,} states"
         return f"exact: all {self.points:,} points{states}"
 
@@ -73,9 +72,8 @@ class Grid:
 
     @property
     def size(self) -> int:
-        if self.actions is None:
-            actions = 1
-        else:
+        actions = 1
+        if self.actions is not None:
             actions = self.actions.size
         return self.states.size * actions * len(self.times or (0,))
 
@@ -204,10 +202,9 @@ class Cost:
         for node in nodes:
             if simulated and isinstance(node, Draw):
                 more_passes = PASS * (VARIATES[node.base].passes(node) - 1)
+                word = WORD
                 if VARIATES[node.base].sorts:
                     word = SORTED
-                else:
-                    word = WORD
                 self.numbers += words_of(node) * (word + more_passes)
                 self.calls += more_passes
 

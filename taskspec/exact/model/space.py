@@ -124,10 +124,9 @@ class Space:
     def _values(self, c: Component, strides: Sequence[int], codes: Array) -> Array:
         parts = []
         for low, count, stride in zip(c.low, c.counts, strides, strict=True):
+            digits = codes
             if stride > 1:
                 digits = codes // stride
-            else:
-                digits = codes
             if stride * count < self.size:
                 digits = digits % count
             parts.append(digits + int(low) if low else digits)

@@ -141,9 +141,8 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
         yield from _expand(rest, reads, lanes, replace(so_far, drawn=drawn))
         return
     # every point once for each outcome of positive probability, the outcomes of a point side by side
-    if so_far.origin is None:
-        n = lanes
-    else:
+    n = lanes
+    if so_far.origin is not None:
         n = len(so_far.origin)
     possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
     point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
@@ -154,9 +153,8 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     weight = times(_at(so_far.weight, point), chance)
     drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
     drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
-    if so_far.origin is None:
-        origin = point
-    else:
+    origin = point
+    if so_far.origin is not None:
         origin = so_far.origin[point]
     yield from _expand(rest, reads, lanes, replace(so_far, weight=weight, origin=origin, drawn=drawn))
 
@@ -335,9 +333,8 @@ class Steps:
         given = self.reads(states, actions, t)
         for branch in branches(self.draws, given, lanes, numbers):
             values = evaluate(self.roots, branch.place(given), branch.sample)
-            if branch.origin is None:
-                size = lanes
-            else:
+            size = lanes
+            if branch.origin is not None:
                 size = len(branch.origin)
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])

@@ -55,10 +55,9 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     name = policy
     if not isinstance(policy, str):
         name = getattr(policy, "__name__", type(policy).__name__)
+    found = policy
     if isinstance(policy, str):
         found = function_of(policy)
-    else:
-        found = policy
     if hasattr(found, "predict"):
         return Predictor(task, found, deterministic=True, name=name)
     if callable(found):
@@ -391,13 +390,11 @@ def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
         return None
     actor.set_training_mode(False)
     found = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
+    parts = [found]
     if isinstance(found, list):
         parts = found
-    else:
-        parts = [found]
     if any(type(part).__name__ not in ("Categorical", "MaskableCategorical") for part in parts):
         return None
     rows = [plain(part.probs).astype(np.float64) for part in parts]
     joint = reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), rows)
-    table: Array = joint / joint.sum(axis=1, keepdims=True)
-    return table
+    return joint / joint.sum(axis=1, keepdims=True)

@@ -143,8 +143,7 @@ class TaskPolicy(ABC):
 def drawn(probabilities: Array, uniform: Array) -> Array:
     """Return the indices int64 (N,) of actions drawn from probabilities (A, N), by uniform numbers (N,) in [0, 1)."""
     rising = np.cumsum(probabilities, axis=0)
-    index: Array = np.minimum((rising <= uniform * rising[-1]).sum(axis=0), len(rising) - 1)
-    return index
+    return np.minimum((rising <= uniform * rising[-1]).sum(axis=0), len(rising) - 1)
 
 
 def greedy(values: Array, legal: Array | None = None) -> Array:
@@ -152,8 +151,7 @@ def greedy(values: Array, legal: Array | None = None) -> Array:
     if legal is not None:
         values = np.where(legal, values, -np.inf)
     best = best_actions(values)
-    found: Array = best / best.sum(axis=-1, keepdims=True)
-    return found
+    return best / best.sum(axis=-1, keepdims=True)
 
 
 def best_actions(values: Array) -> Array:

@@ -365,10 +365,9 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable
 
 
 def _refuse_endless(task: Task, steps: int) -> NoReturn:
+    hint = "choose a smaller horizon"
     if task.horizon is None:
         hint = "give the task a horizon, or a discount below 1"
-    else:
-        hint = "choose a smaller horizon"
     refuse(f"episodes are still running after {steps:,} steps", hint)
 
 
@@ -387,16 +386,13 @@ def return_range(task: Task) -> tuple[float, float]:
         weight = 1.0  # the first step ends the episode
     elif not task.process.never_ends:
         ends.append(0.0)
+    low = 0.0
     if min(ends):
         low = weight * min(ends)
-    else:
-        low = 0.0
+    high = 0.0
     if max(ends):
         high = weight * max(ends)
-    else:
-        high = 0.0
+    cut = 0.0
     if gap:
         cut = CUT * max(abs(low), abs(high))
-    else:
-        cut = 0.0
     return low - 1e-9 * abs(low) - cut, high + 1e-9 * abs(high) + cut  # by more than the rounding error of sums

@@ -171,8 +171,7 @@ def _rate_quantiles(successes: int, count: int, levels: tuple[float, ...]) -> Ar
         low = special.betaincinv(successes, count - successes + 1, levels)
     if successes < count:
         high = special.betaincinv(successes + 1, count - successes, levels)
-    quantiles: Array = np.where(np.array(levels) < 0.5, low, high)
-    return quantiles
+    return np.where(np.array(levels) < 0.5, low, high)
 
 
 def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
@@ -182,14 +181,12 @@ def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
         bottom, top, successes = found
         return bottom + (top - bottom) * _rate_quantiles(successes, count, levels)
     error = float(values.std(ddof=1)) / math.sqrt(count)
-    quantiles: Array = values.mean() + error * _student_quantiles(count - 1, levels)
-    return quantiles
+    return values.mean() + error * _student_quantiles(count - 1, levels)
 
 
 @lru_cache(maxsize=64)
 def _student_quantiles(freedom: int, levels: tuple[float, ...]) -> Array:
-    quantiles: Array = special.stdtrit(freedom, levels)
-    return quantiles
+    return special.stdtrit(freedom, levels)
 
 
 def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
@@ -204,8 +201,7 @@ def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     if found is not None:
         bottom, top, successes = found
         rate = _rate_quantiles(successes, count, levels)
-        two: Array = (top - bottom) * np.sqrt(rate * (1 - rate) * count / (count - 1))
-        return two
+        return (top - bottom) * np.sqrt(rate * (1 - rate) * count / (count - 1))
     trimmed = int(count / (2 * math.sqrt(count - 4)))
     middle = float(values[trimmed : count - trimmed].mean())
     kurtosis = count * float(((values - middle) ** 4).sum()) / ((count - 1) * variance) ** 2
@@ -213,8 +209,7 @@ def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     correction = count / (count - deviations)
     error = correction * math.sqrt(max(0.0, kurtosis - (count - 3) / count) / (count - 1))
     logs = math.log(correction * variance) + error * special.ndtri(levels)
-    quantiles: Array = np.exp(logs / 2)
-    return quantiles
+    return np.exp(logs / 2)
 
 
 def _median_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
@@ -226,8 +221,7 @@ def _median_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     at = np.array(levels)
     tails = np.minimum(at, 1 - at)
     rank = np.clip(np.searchsorted(below, tails, side="right") - 1, 0, (count - 1) // 2)
-    quantiles: Array = np.where(at < 0.5, values[rank], values[count - 1 - rank])
-    return quantiles
+    return np.where(at < 0.5, values[rank], values[count - 1 - rank])
 
 
 MATTERS = 0.05  # the smallest difference of mean scores that counts

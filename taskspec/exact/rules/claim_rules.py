@@ -383,10 +383,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         known = self.results.task.process.measures
         written = given["name"]
         if not (isinstance(written, s.Name) and written.id in known):
+            hint = "`measures:` declares them"
             if known:
                 hint = f"it has {', '.join(known)}"
-            else:
-                hint = "`measures:` declares them"
             raise InvalidClaim("the task has no such measure", written, hint)
         results, rule = self._decided(expr, given.get("under") or self._under(expr))
         try:

@@ -142,9 +142,8 @@ def compare(asked: Consequence, collector: Collector) -> None:
         message = f"{what} is drawn in another way, which may be the same or not"
         collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
         return
-    if expected is None:
-        value = "this"
-    else:
+    value = "this"
+    if expected is not None:
         value = expected.in_words(asked.component)
     message = f"{what} is drawn from a distribution with infinitely many outcomes, so it is not always {value}"
     collector.add("E611", asked.expr.place, message, "write the distribution")

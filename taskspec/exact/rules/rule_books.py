@@ -97,10 +97,9 @@ def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str
             reader.check_reference(entry.source.key, references, (section, name, "source", "key"))
         reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
     reader.collector.raise_if_errors()
+    same = {}
     if isinstance(described, ExamDocument):
         same = described.same
-    else:
-        same = {}
     return RuleBook(described, names, tuple(rules), references, same, reader.collector.diagnostics)
 
 

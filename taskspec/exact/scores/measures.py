@@ -108,10 +108,9 @@ class RandomSteps:
         self._known: dict[int, StepOutcomes] = {}
         if self.steps.branching == np.inf:
             refuse("rewards are drawn from a distribution that has infinitely many outcomes")
+        times = 1
         if self.steps.uses_time:
             times = model.horizon or 1
-        else:
-            times = 1
         size = times * model.n_states * model.n_actions * self.steps.branching
         if size > limits().seconds * LISTING_RATE:
             refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / LISTING_RATE))
@@ -306,8 +305,7 @@ def _nearest_rewards(model: Model, entered: Array) -> Array:
         return action_values(model.step(t).P, _rewards(model, t, entered), model.discount, V)
 
     def mean(t: int, Q: Array) -> Array:
-        V: Array = (model.uniform[:, :, None] * Q).sum(axis=0)
-        return V
+        return (model.uniform[:, :, None] * Q).sum(axis=0)
 
     for t, Q, V in backward(backup, mean, np.zeros((model.n_states, len(entered) + 1)), model.horizon or 0):
         if t in levels:
@@ -315,8 +313,7 @@ def _nearest_rewards(model: Model, entered: Array) -> Array:
             largest = np.maximum(largest, np.abs(Q).max(axis=(0, 1)))
     table = np.concatenate(advantages)
     table[np.abs(table) <= NOTHING * largest] = 0
-    found: Array = np.linalg.lstsq(table[:, :-1], table[:, -1], rcond=NOTHING)[0]
-    return found
+    return np.linalg.lstsq(table[:, :-1], table[:, -1], rcond=NOTHING)[0]
 
 
 def _rewards(model: Model, t: int, entered: Array) -> Array:

@@ -115,10 +115,9 @@ class Return:
         found = np.asarray(returns, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # returns, or their squares, may be infinite
             mean = float(found.mean())
+            deviation = math.inf
             if len(found) > 1:
                 deviation = float(found.std(ddof=1))
-            else:
-                deviation = math.inf
         error = deviation / math.sqrt(len(found))
         return cls(mean, math.inf if math.isnan(error) else error, len(found))
 

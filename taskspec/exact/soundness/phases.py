@@ -182,14 +182,12 @@ class PhaseBuilder:
                 left = merged
             return CheckPhase(task, name, left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
+            actions = None
             if name == "step":
                 actions = Space(task.action, Role.ACTION)
-            else:
-                actions = None
+            times = None
             if TIME in read:
                 times = self._times(name)
-            else:
-                times = None
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
@@ -199,9 +197,8 @@ class PhaseBuilder:
         return CheckPhase(task, name, left, self._samples(name == "observation"), False)
 
     def _times(self, name: str) -> range:
-        if self.task.horizon is None:
-            last = MANY_TIMES
-        else:
+        last = MANY_TIMES
+        if self.task.horizon is not None:
             last = self.task.horizon
         return range(last + (name == "observation"))
 
@@ -335,10 +332,9 @@ class _Parameters:
             nodes[name] = node
             if not isinstance(node, Const):
                 argument = arguments[name]
+                code = "E408"
                 if argument.is_probability:
                     code = "E402"
-                else:
-                    code = "E408"
                 low = argument.low + argument.open * LEAST
                 yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", expr)
         if {"low", "high"} <= nodes.keys():
@@ -411,10 +407,9 @@ class Examination:
     def batches(self) -> Iterator[Batch]:
         cost = Cost(self.roots)
         if self.phase.name == "start":
+            lanes = STARTS
             if len(self.enumerated) == len(self.draws):
                 lanes = 1
-            else:
-                lanes = STARTS
             yield Batch({}, cost.batch(lanes), None, True)
             return
         outcomes = max(1.0, count(self.enumerated, {}))
@@ -425,9 +420,8 @@ class Examination:
         """Yield checks that fail in a batch: the branch, where (M,) it fails, and the values."""
         words = self.rng.integers(0, 2**32, (self.layout.count, batch.lanes), dtype=np.uint32)
         for branch in branches(self.enumerated, batch.reads, batch.lanes):
-            if branch.origin is None:
-                here = words
-            else:
+            here = words
+            if branch.origin is not None:
                 here = words[:, branch.origin]
             values = iter(evaluate(self.roots, branch.place(batch.reads), partial(self._sample, branch, here)))
             for check in self.phase.checks:

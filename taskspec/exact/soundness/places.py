@@ -113,9 +113,8 @@ def _alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
 def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope) -> Iterator[Alternative]:
     others: tuple[Node | None, ...] = ()
     for row in sorted(rows, key=lambda row: row.key is None):  # `else` comes last
-        if row.key is None:
-            node = None
-        else:
+        node = None
+        if row.key is not None:
             node = section.row(by[0], row.key)
         if row.key is None:
             conditions = others

@@ -98,8 +98,7 @@ def exp(x: Reals) -> Reals:
     f = (y - k * LN2_HIGH) - k * LN2_LOW  # the first product is exact
     p = E[0] + f * (E[1] + f * (E[2] + f * (E[3] + f * E[4])))
     power = ((k.astype(np.int32) + np.int32(127)) << np.int32(23)).view(np.float32)
-    result: Reals = np.where(x < F(-87), F(0), ((f * f) * p + f + F(1)) * power)
-    return result
+    return np.where(x < F(-87), F(0), ((f * f) * p + f + F(1)) * power)
 
 
 def direction(words: Words) -> tuple[Reals, Reals]:
@@ -286,9 +285,8 @@ def categorical(word: int, thresholds: Sequence[int]) -> int:
 
 def categoricals(words: Words, thresholds: Sequence[int] | Words) -> Ints:
     """`categorical`, elementwise: int32 of the same shape. Thresholds as uint32 are those a word can reach."""
-    if isinstance(thresholds, np.ndarray):
-        reached = thresholds
-    else:
+    reached = thresholds
+    if not isinstance(thresholds, np.ndarray):
         reached = reachable(thresholds)
     if len(reached) > 8:
         return np.searchsorted(reached, words, side="right").astype(np.int32)
@@ -316,8 +314,7 @@ def threshold_table(distributions: Sequence[Sequence[Fraction | float]]) -> tupl
 def row_categoricals(words: Words, row: NDArray[np.integer], table: Words, last: Ints) -> Ints:
     """Return draws from rows of a `threshold_table`: int32 of the shape of the words."""
     reached: Ints = (words[..., None] >= table[row]).sum(axis=-1, dtype=np.int32)
-    result: Ints = np.minimum(reached, last[row])
-    return result
+    return np.minimum(reached, last[row])
 
 
 def weighted_categorical(word: int, weights: Sequence[float]) -> int:
@@ -413,8 +410,7 @@ def poissons(words: Words, rate: ArrayLike, bound: float) -> Ints:
         if not below.any():
             break  # nor is any later sum: most rates are far below their bound
         counts += below
-    total: Ints = counts.sum(axis=0, dtype=np.int32)
-    return total
+    return counts.sum(axis=0, dtype=np.int32)
 
 
 def _exponential_sums(rate: Reals, terms: int) -> Iterator[Reals]:

@@ -414,9 +414,8 @@ def _leaves(
     leaves: list[tuple[tuple[_Key, ...], s.Expr]] = []
     seen: set[_Key] = set()
     for row in rows:
-        if row.key is None:
-            key = None
-        else:
+        key = None
+        if row.key is not None:
             key = _key(checker, row.key, column, scope)
         if row.key is not None and key in seen:
             checker.fail("E309", row.key, f"the row '{column.shown(key or 0)}' is given twice")

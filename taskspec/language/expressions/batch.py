@@ -140,10 +140,9 @@ class Runtime:
     def _best(self, rows: AnyArray, direction: int) -> AnyArray:
         """Index of the first best number; of the first element where every element is nan."""
         xp = self.xp
+        best = xp.argmax
         if direction > 0:
             best = xp.argmin
-        else:
-            best = xp.argmax
         if rows.dtype.kind in "iub":
             return best(rows, axis=0).astype(self.int)
         place = best(xp.where(rows != rows, direction * xp.inf, rows), axis=0)
@@ -321,7 +320,7 @@ def _operation(node: Apply) -> Callable[..., Array]:
         case "fill":
             return lambda x: np.broadcast_to(x, (*static, x.shape[-1]))
         case _:
-            return getattr(RUNTIME, node.op)  # type: ignore[no-any-return]
+            return getattr(RUNTIME, node.op)
 
 
 @cache
@@ -338,4 +337,4 @@ def function(op: str, kind: Kind) -> Callable[..., Any]:
         if f"{{{i}}}" in template:
             used.append(n)
     source = f"lambda xp, rt, {', '.join(used)}: {template.format(*names)}"
-    return eval(source, {})  # type: ignore[no-any-return]  # noqa: S307  # our own table, never a spec's text
+    return eval(source, {})  # noqa: S307  # our own table, never a spec's text

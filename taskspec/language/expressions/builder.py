@@ -136,10 +136,9 @@ class Builder:
 
     def const(self, value: Any, type: Type) -> Const:
         """Make a constant; `value` is a scalar, or a flat row-major sequence for a vector."""
+        flat = value
         if type.is_scalar:
             flat = (value,)
-        else:
-            flat = value
         self.check_size(type.shape)
         # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
         if type.kind is Kind.INT:

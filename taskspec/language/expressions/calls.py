@@ -264,10 +264,9 @@ def _given(
         if name == "shape" and dist.shaped:
             shape = static_shape(checker, value, scope)
         elif name not in names:
+            known = names
             if dist.shaped:
                 known = [*names, "shape"]
-            else:
-                known = names
             hint = suggest(name, known) or f"it takes {', '.join(known)}"
             checker.collector.add("E305", _keyword(name, value), f"{dist.name} has no argument '{name}'", hint)
             raise Poisoned

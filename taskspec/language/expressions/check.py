@@ -143,10 +143,9 @@ class Checker(BaseChecker):
         if expr.primed:
             if scope.lookup(expr.id) is None:
                 self.fail("E302", expr, undefined, suggest(expr.id, scope.names()))
+            primes = _PRIMES
             if expr.id == "t":
                 primes = "after the step, it is `t + 1`"
-            else:
-                primes = _PRIMES
             self.fail("E308", expr, f"'{expr.id}' has no next value here", primes)
         if expr.id in CONSTANTS:
             return Value(self.builder.scalar(CONSTANTS[expr.id]))

@@ -177,10 +177,9 @@ def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
         least = min(map(float, p.flat), default=1.0)
     else:
         least = b.bounds(p)[0]
+    most = Limits.trials
     if isinstance(p, Const):
         most = Limits.waiting
-    else:
-        most = Limits.trials
     counts = math.inf
     if least >= 1:
         counts = 1

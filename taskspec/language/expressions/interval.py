@@ -157,10 +157,9 @@ def _constant(node: Const) -> Range:
         return Range(*_tidy((min(node.flat), max(node.flat)), node.type.kind), True)
     flat = list(map(plain, node.flat))
     numbers = [v for v in flat if v == v]
+    edge = EVERYTHING
     if numbers:
         edge = (min(numbers), max(numbers))
-    else:
-        edge = EVERYTHING
     return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))
 
 

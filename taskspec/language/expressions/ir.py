@@ -142,9 +142,8 @@ def rewrite(roots: Iterable[Expression], replacements: Mapping[int, Node], remak
         replaced = replacements.get(id(node))
         if replaced is None:
             args = tuple(done[id(child)] for child in children(node))
-            if all(a is b for a, b in zip(args, children(node), strict=True)):
-                replaced = node
-            else:
+            replaced = node
+            if not all(a is b for a, b in zip(args, children(node), strict=True)):
                 replaced = remake(node, args)
         done[id(node)] = replaced
     return tuple(done[id(root)] for root in roots)

@@ -71,10 +71,9 @@ def explain(value: str, error: Exception) -> NoReturn:
         end = len(value.rstrip())
         raise SyntaxFailure(max(0, end - 1), end, "the expression ends too early here")
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
+    product = None
     if message.endswith("literal"):
         product = _PRODUCT.search(value)
-    else:
-        product = None
     if product:
         written = f"{product[1]} * {product[2]}"
         said = f"'{product[0]}' is neither a number nor a name"
@@ -124,9 +123,8 @@ def _of_character(value: str, at: int) -> str:
     written = _CHARACTERS[value[at]]
     if "x" in written:
         return f"write {written}"
-    if written == _SPACE:
-        word = " "
-    else:
+    word = " "
+    if written != _SPACE:
         word = written.strip("`")
     return Advice(f"write {written}", value[at], _apart(word, value[:at], value[at + 1 :]))
 
@@ -360,9 +358,8 @@ class _Reader:
     def offset(self, line: int, byte_column: int) -> int:
         """Characters before a place that Python gives as line and UTF-8 byte column."""
         text = self.lines[line - 1]
-        if text.isascii():
-            column = byte_column
-        else:
+        column = byte_column
+        if not text.isascii():
             column = len(text.encode()[:byte_column].decode())
         return self.starts[line - 1] + column - 1
 
@@ -389,10 +386,9 @@ class _Reader:
             case ast.BinOp(left=left, op=op2, right=right) if type(op2) in _BINARY:
                 return s.Binary(_BINARY[type(op2)], self.expr(left), self.expr(right), place)
             case ast.BoolOp(op=op3, values=values):
+                word = "or"
                 if isinstance(op3, ast.And):
                     word = "and"
-                else:
-                    word = "or"
                 return s.Logical(word, self.exprs(values), place)
             case ast.Compare(left=left, ops=ops, comparators=others) if all(type(o) in _COMPARE for o in ops):
                 rest = []
@@ -404,10 +400,9 @@ class _Reader:
             case ast.Call():
                 return self.call(node, place)
             case ast.Subscript(value=value, slice=index):
+                items = [index]
                 if isinstance(index, ast.Tuple):
                     items = index.elts
-                else:
-                    items = [index]
                 return s.Subscript(self.expr(value), tuple(map(self.index, items)), place)
             case ast.Tuple(elts=items) | ast.List(elts=items):
                 return s.Vector(self.exprs(items), place)
@@ -462,10 +457,9 @@ class _Reader:
             if name in FUNCTIONS:
                 hint = f"write `{FUNCTIONS[name].signature}`"
             self.fail(node.func, "methods and functions of modules (`x.f()`) are not part of the language", hint)
+        what = "this"
         if len(shown) < 20:
             what = f"`{shown}`"
-        else:
-            what = "this"
         message = f"{what} is not a function, but a bracket follows it"
         raise SyntaxFailure(place.start, place.end, message, "`*` multiplies")
 
@@ -497,10 +491,9 @@ class _Reader:
 
     def clause(self, node: ast.comprehension) -> s.Clause:
         target = node.target
+        targets = [target]
         if isinstance(target, ast.Tuple):
             targets = target.elts
-        else:
-            targets = [target]
         for item in targets:
             if not isinstance(item, ast.Name) or item.id.endswith(PRIME) or item.id in TRUTHS:
                 self.fail(item, "a comprehension binds plain names")

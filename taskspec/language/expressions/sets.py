@@ -110,10 +110,9 @@ def unroll(
         if not clauses:
             return [element(scope)]
         clause = clauses[0]
+        want = None
         if len(clause.targets) == 1:
             want = wants.get(clause.targets[0])
-        else:
-            want = None
         points = _candidates(checker, clause, scope, want)
         _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
         checker.expand(expr, len(points.rows))

@@ -56,10 +56,9 @@ def _any(b: Builder, c: Component) -> Node:
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
     given = {"low": b.constant(c.low, c.type), "high": b.constant(c.high, c.type)}
+    dist = "UniformInt"
     if c.type.kind is Kind.REAL:
         dist = "Uniform"
-    else:
-        dist = "UniformInt"
     return DISTS[dist].build(b, given, c.type.shape)
 
 

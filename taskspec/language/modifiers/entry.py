@@ -70,10 +70,9 @@ class ModifierArgument:
                 return "a name"
             case "expression":
                 return "an expression"
+        words = "a number"
         if self.kind == "int":
             words = "an int"
-        else:
-            words = "a number"
         if math.isinf(self.low):
             return words
         if math.isinf(self.high):

@@ -119,10 +119,9 @@ def _timed(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     if task.horizon is None and seen.space in FINITE_SPACES:
         raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
+    high = math.inf
     if task.horizon is not None:
         high = float(task.horizon)
-    else:
-        high = math.inf
     time = b.read(Role.TIME, "t", INT, 0, high)
     (name,) = core.fresh(["t"], core.names_in(task))
     clock = Component(name, INT, (0,), (high,), doc="steps taken")

@@ -177,9 +177,8 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
     few = few_rewards(b, task)
     (name,) = core.fresh(["earned"], core.names_in(task))
-    if few is None:
-        counted = None
-    else:
+    counted = None
+    if few is not None:
         counted = _in_units(b, task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")

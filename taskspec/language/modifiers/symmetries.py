@@ -141,10 +141,9 @@ def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Nod
         flat += core.elements(b, node)
     own: dict[int, Node] = {}
     for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
+        moved = node
         if shift:
             moved = b.apply("sub", node, b.scalar(int(shift)))
-        else:
-            moved = node
         if sign < 0:
             own[int(source)] = b.apply("neg", moved)
         else:

@@ -50,9 +50,8 @@ class ExpressionWriter(Writer):
             case s.Quoted(value=word):
                 return Piece(self.notation.label(word, self.of) or label(word))
             case s.Name(id=name, primed=primed):
-                if primed:
-                    printed = None
-                else:
+                printed = None
+                if not primed:
                     printed = self.notation.label(name, self.of)
                 return Piece(printed or prime(self.notation.symbol(name), primed))
             case s.Unary():
@@ -159,10 +158,9 @@ class ExpressionWriter(Writer):
             signed = expr.function == "dot" and _leads(pieces[0], trees[0])
             return applied(expr.function, fill(function.latex, holes), signed)
         if expr.function in self.notation.events:  # a probability, or the expectation of a measure; the policy is below
+            first = "name"
             if expr.function == "probability":
                 first = "condition"
-            else:
-                first = "name"
             given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
             if "under" in given:
                 policy = text(given["under"])

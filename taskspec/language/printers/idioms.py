@@ -83,10 +83,9 @@ def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
 
 
 def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
+    inner = w
     if isinstance(column, s.Name):
         inner = replace(w, of=column.id)
-    else:
-        inner = w
     left, *trees = operands("compare", map(inner.number, [column, *keys]))
     if len(trees) == 1:
         return m.Row((left, m.Sym("="), trees[0]))
@@ -247,10 +246,9 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
     if len(call.args) != 3:
         return None
     test, then, otherwise = call.args
+    parts = None
     if rank(w, test):
         parts = pointwise(w, call)
-    else:
-        parts = None
     if parts is None:
         return w.piece(s.IfElse(test, then, otherwise, call.place))
     of, index, inner = parts  # a vector as a family of its elements, with their index below

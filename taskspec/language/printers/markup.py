@@ -242,9 +242,8 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Arrow(over=over):
             return f'<mover><mo stretchy="false">⟶</mo><mrow>{_EN}{_element(over)}{_EN}</mrow></mover>'
         case m.Big(symbol=symbol, sub=sub, sup=sup):
-            if sup is None:
-                above = None
-            else:
+            above = None
+            if sup is not None:
                 above = _element(sup)
             return _scripted("under", "over", f"<mo>{html.escape(symbol)}</mo>", sub, above)
         case m.Hole(name=name):

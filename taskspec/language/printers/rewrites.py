@@ -315,8 +315,7 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
     go = partial(element, w, at=at)
     match expr:
         case s.Binary() | s.Unary() | s.Logical() | s.Compare() | s.IfElse() | s.Piecewise():
-            result: s.Expr = m.mapped(expr, go)
-            return result
+            return m.mapped(expr, go)
         case s.Call(function="onehot", args=(place, _)):
             return s.Compare(at[0], (("==", place),), expr.place)
         case s.Call(function=name, args=args) if name in FUNCTIONS and not FUNCTIONS[name].whole:

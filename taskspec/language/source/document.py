@@ -164,14 +164,12 @@ def compose(text: str) -> nodes.Composed:
         while loader.check_event():
             builder.take(loader.get_event())
     except yaml.MarkedYAMLError as error:
+        at = 0
         if error.problem_mark:
             at = error.problem_mark.index
-        else:
-            at = 0
+        since = None
         if error.context_mark:
             since = error.context_mark.index
-        else:
-            since = None
         if "maximum nesting depth" in str(error.problem):  # libyaml has a bound of its own
             result.stop = _too_deep(at)
         else:

@@ -66,9 +66,8 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     """Read a column and a row, and maybe a way, or one vector of all; nothing without one, or for a broken one."""
     if at is None:
         return ()
-    if isinstance(at, list):
-        whole = None
-    else:
+    whole = None
+    if not isinstance(at, list):
         whole = context.forms.expr(path)
     parts: Sequence[s.Expr | None] = [whole]
     if isinstance(at, list):
@@ -87,10 +86,9 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     else:
         shape = (len(place), *inner)
     if shape not in [(n,) for n in sizes]:
+        more = ""
         if 4 in sizes:
             more = ", or four with the way that it faces"
-        else:
-            more = ""
         context.report("E307", path, f"a place is two numbers{more}, but this has shape {list(shape)}")
     return place
 

@@ -119,8 +119,7 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 def _made(moves: Moves, flat: Array) -> Array:
     """Apply moves to elements; 0 without a source."""
-    moved: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
-    return moved
+    return moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
 
 
 def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:

@@ -119,18 +119,16 @@ def _bind_parameter(
     path: Path = ("parameters", name)
     entry = context.data["parameters"][name]
     kind = entry.get("type", "real")
-    if entry.get("values") is None:
-        labels = None
-    else:
+    labels = None
+    if entry.get("values") is not None:
         labels = tuple(entry["values"])
     try:
         low = _parameter_bound(context, "low", path, scope)
         high = _parameter_bound(context, "high", path, scope)
         default = _default(context, entry, path, labels, scope)
+        domain = None
         if kind == "choice":
             domain = _domain(context, entry, path, scope)
-        else:
-            domain = None
         asked = given.get(name, default)
         value = default
         if name in given:
@@ -161,7 +159,7 @@ def _parameter_bound(context: Context, key: str, path: Path, scope: Scope) -> fl
         context.checker.fail("E407", expr, f"'{key}' of a parameter is not a number")
     if node.value == _ENDLESS[key]:
         return None
-    return plain(node.value)  # type: ignore[no-any-return]
+    return plain(node.value)
 
 
 def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any, scope: Scope) -> Any:
@@ -402,9 +400,8 @@ def bound(context: Context, key: str, path: Path, type_: Type, scope: Scope) -> 
 def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:
     values = entry["values"]
     here: Path = (*path, "values")
-    if entry.get("symbols") is None:
-        symbols = None
-    else:
+    symbols = None
+    if entry.get("symbols") is not None:
         symbols = tuple(entry["symbols"])
     labels = tuple(map(str, values))
     if isinstance(values, list):

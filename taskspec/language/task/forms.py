@@ -225,10 +225,9 @@ class Forms:
     def _table(self, value: dict[str, Any], path: Path) -> s.Expr | None:
         is_table = self._has_keys(value, ("by", "rows"), "E208", "table", path)
         by = value.get("by")
+        entries = [by]
         if isinstance(by, list):
             entries = by
-        else:
-            entries = [by]
         if not entries or not all(isinstance(each, str) and each for each in entries):
             if "by" in value:
                 problem = Problem("E208", (), "`by` lists what the table looks at", "for example `by: [s, a]`")
@@ -252,9 +251,8 @@ class Forms:
         result: list[s.TableRow] = []
         for key, cell in rows.items():
             here = (*path, key)
-            if key == "else":
-                label = None
-            else:
+            label = None
+            if key != "else":
                 label = self.key(key, here)
             body = self._cell(cell, depth, here)
             if body is not None and (label is not None or key == "else"):

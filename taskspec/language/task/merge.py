@@ -283,10 +283,9 @@ def _base(step: Step) -> Step | None:
     over = _sections(document, variant)
     if "extends" not in over and variant is None:
         return None
+    other = document
     if "extends" in over:
         other = document.others[over["extends"]]
-    else:
-        other = document
     if over.get("base") is None:
         return other, None
     return other, _key(other, str(over["base"]))

@@ -137,9 +137,8 @@ class Names:
         for c in context.action:
             bindings[c.name] = context.bound(c, Role.ACTION)
             if section in _WITHOUT_ACTION:
-                if section == "expert":
-                    where = "the expert"
-                else:
+                where = "the expert"
+                if section != "expert":
                     where = f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])

@@ -342,13 +342,11 @@ class Parameter:
     @property
     def ends(self) -> tuple[float, float]:
         """Its bounds, infinite where there are none."""
-        if self.low is None:
-            low = -math.inf
-        else:
+        low = -math.inf
+        if self.low is not None:
             low = self.low
-        if self.high is None:
-            high = math.inf
-        else:
+        high = math.inf
+        if self.high is not None:
             high = self.high
         return low, high
 

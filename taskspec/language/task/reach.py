@@ -200,10 +200,9 @@ class Observed:
         if isinstance(value.node, Read) and value.node.role is Role.STATE:
             original = self.components[value.node.name]
             doc = original.doc
+            symbol = None
             if original.name == name:
                 symbol = original.symbol
-            else:
-                symbol = None
         return Component(name, value.node.type, tuple(low or lows), tuple(high or highs), value.domain, symbol, doc)
 
     def edges(self, node: Node) -> Edges:
@@ -225,14 +224,12 @@ class Observed:
         """Replace infinite bounds by reachable ones, unless these are so far away that they say nothing."""
         if reached is None:
             return edges
+        low = -math.inf
         if reached[0] >= -FAR:
             low = reached[0]
-        else:
-            low = -math.inf
+        high = math.inf
         if reached[1] <= FAR:
             high = reached[1]
-        else:
-            high = math.inf
         ends = []
         for a, b in edges:
             if not math.isfinite(a):

@@ -189,15 +189,13 @@ def domain_words(c: Component | Parameter) -> str:
         shape = ""
         low, high = c.ends
     else:
-        if c.domain is None:
-            labels = None
-        else:
+        labels = None
+        if c.domain is not None:
             labels = label_words(c.domain)
         kind = str(c.type.kind)
+        shape = ""
         if c.type.shape:
             shape = f"[{', '.join(map(str, c.type.shape))}]"
-        else:
-            shape = ""
         low = c.least
         high = c.most
     if labels is not None:

@@ -114,18 +114,16 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
     """Report (E318) the lines of sections in which an int may not fit in 64 bits."""
     for section, nodes in sections.items():
         exprs = context.exprs.get(section)
+        lines = [exprs]
         if isinstance(exprs, dict):
             lines = list(exprs.values())
-        else:
-            lines = [exprs]
         for number, node in enumerate(nodes):
             most = widest([node])
             if not most:
                 continue
+            line = None
             if len(lines) == len(nodes):
                 line = lines[number]
-            else:
-                line = None
             too_wide(context.collector, line.place if line else context.place(section), most)
             break
 
@@ -192,10 +190,9 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     """Read the observation: the declared expressions, or else the state."""
     space = (context.data.get("observation") or {}).get("space", "auto")
     whole = len(initial) == len(following) == len(context.state)
+    reached = {}
     if whole:
         reached = reach(context.state, initial, following, context.horizon)
-    else:
-        reached = {}
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:

@@ -295,10 +295,9 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
     """Split a valid action (or observation, but for one-hot rows) of a layout into flat component values."""
+    held = [value]
     if layout.is_dict:
         held = [value[part.name] for part in layout.parts]
-    else:
-        held = [value]
     parts = []
     for each in held:
         parts.append(np.asarray(each).ravel().tolist())

@@ -143,9 +143,8 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 
 def _expert_actions(task: Task, way: str, seed: int) -> Array:
     twin = registry.role(modify(task, way.format(seed=seed)), "expert")
+    policy = "expert"
     if twin.annotations.expert is None:
         policy = "optimal"
-    else:
-        policy = "expert"
     shown = recorded(twin, policy, episodes=SHOWN, transitions=None, seed=0, jobs=1)
     return np.asarray(shown.acts)

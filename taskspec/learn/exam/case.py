@@ -270,8 +270,7 @@ class Case:
     def shown_to(self, i: int) -> Demonstrations | None:
         """Return the demonstrations that one seed of the block has used; None if it used none."""
         known: Any = vars(self.each[i]) if "each" in vars(self) else {}
-        found: Demonstrations | None = known.get("demonstrations", vars(self).get("demonstrations"))
-        return found
+        return known.get("demonstrations", vars(self).get("demonstrations"))
 
     def spent_by(self, i: int) -> Spent:
         """Return what one seed of the block has used: what all of them did together, and what it did alone."""
@@ -317,10 +316,9 @@ class Case:
             NotGranted: when the learner is not entitled to them.
         """
         self._need("demonstrations")
+        policy = "expert"
         if self._judge.annotations.expert is None:
             policy = "optimal"
-        else:
-            policy = "expert"
         seed = (self.seed + 1 << 32) + (1 << 31)
         found = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
         self.spent.demonstrations = len(found)

@@ -105,10 +105,9 @@ def _summary(name: str, exam: Exam, runs: Sequence[Array], tasks: Sequence[str])
         if score["task"] in tasks and is_printed and score["curve"]:
             needed.append(steps_to(score["curve"], MASTERED))
     reached = [steps for steps in needed if steps is not None]
+    share = 0.0
     if needed:
         share = len(reached) / len(needed)
-    else:
-        share = 0.0
     return LearnerSummary(
         learner=name, iqm=_estimated(_iqm, runs, kept=0.5), profile=profile, reaching=share,
         steps=float(np.median(reached)) if reached else None,
@@ -165,9 +164,8 @@ def lines(found: LearnersComparison) -> list[list[Any]]:
     for each in found["learners"]:
         iqm = each["iqm"]
         above = dict(zip(LEVELS, each["profile"], strict=True))
-        if each["steps"] is None:
-            steps = ""
-        else:
+        steps = ""
+        if each["steps"] is not None:
             steps = f"{each['steps']:,.0f} ({each['reaching']:.0%} of runs)"
         shown = f"{fixed(iqm['value'], 2)} {interval(iqm['low'], iqm['high'])}"
         rows.append([each["learner"], shown, f"{above[0.5]:.0%}", f"{above[0.9]:.0%}", steps])

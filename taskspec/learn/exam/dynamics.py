@@ -63,8 +63,7 @@ class Dynamics:
     @cached_property
     def going_on(self) -> Array:
         """Probabilities (A, S) that the episode goes on."""
-        found: Array = np.asarray(self.P.sum(axis=1)).reshape(self.R.shape)
-        return found
+        return np.asarray(self.P.sum(axis=1)).reshape(self.R.shape)
 
     def learned(self, V: Array) -> Array:
         """Return values with those that no episode learns at what they were at first."""
@@ -94,21 +93,18 @@ class Dynamics:
         row = P[action * P.shape[1] + state]
         if hasattr(row, "toarray"):
             row = row.toarray()
-        found: Array = np.asarray(row).reshape(-1)
-        return found
+        return np.asarray(row).reshape(-1)
 
     def expected(self, P: Any, V: Array) -> Array:
         """Return the expectation (A, S) of V (S,) under probabilities (A * S, S)."""
-        found: Array = (P @ V).reshape(self.R.shape)
-        return found
+        return (P @ V).reshape(self.R.shape)
 
     def visits(self, pi: Array) -> Array:
         """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
         rows = []
         now = self.model.start.copy()
-        if self.model.horizon is None:
-            steps = STEPS
-        else:
+        steps = STEPS
+        if self.model.horizon is not None:
             steps = self.model.horizon
         for _ in range(steps):
             rows.append(now)
@@ -138,20 +134,17 @@ class Behaviour:
     @cached_property
     def total(self) -> Array:
         """Visits (S,) of an episode."""
-        found: Array = self.counts.sum(axis=0)
-        return found
+        return self.counts.sum(axis=0)
 
     @cached_property
     def rates(self) -> Array:
         """The share (A, S) of all steps that each action takes in each state."""
-        found: Array = self.pi * self.total / self.total.sum()
-        return found
+        return self.pi * self.total / self.total.sum()
 
     @cached_property
     def visited(self) -> Array:
         """1 for actions (A, S) that are ever taken, else 0."""
-        found: Array = (self.rates > 0).astype(np.float64)
-        return found
+        return (self.rates > 0).astype(np.float64)
 
     @cached_property
     def at_limit(self) -> Array:
@@ -159,8 +152,7 @@ class Behaviour:
         horizon = self.dynamics.model.horizon
         if horizon is None or len(self.counts) < horizon:
             return np.zeros_like(self.total)
-        found: Array = self.counts[-1]
-        return found
+        return self.counts[-1]
 
     @cached_property
     def last(self) -> Array:
@@ -205,8 +197,7 @@ class Behaviour:
             [s.P[a * len(self.total) : (a + 1) * len(self.total)].T @ steps[a] for a in range(len(self.pi))]
         )
         ends = self.pi * (self.total - (self.total - self.at_limit) * s.going_on)
-        found: Array = leads + np.outer(ends.sum(axis=1), s.model.start) > 0
-        return found
+        return leads + np.outer(ends.sum(axis=1), s.model.start) > 0
 
     @cached_property
     def reward_after(self) -> Array:
@@ -215,18 +206,15 @@ class Behaviour:
         paid = (self.pi * s.R).sum(axis=0)
         first = s.first(paid)
         following = s.expected(s.P, paid)
-        found: Array = (1 - self.last) * following + first * (1 - (1 - self.last) * s.going_on)
-        return found
+        return (1 - self.last) * following + first * (1 - (1 - self.last) * s.going_on)
 
     def expected(self, Q: Array) -> Array:
         """Return V (..., S) of the policy from Q (..., A, S)."""
-        found: Array = (self.pi * Q).sum(axis=-2)
-        return found
+        return (self.pi * Q).sum(axis=-2)
 
     @staticmethod
     def _share(part: Array, whole: Array) -> Array:
-        found: Array = np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0)
-        return found
+        return np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0)
 
 
 @lru_cache(maxsize=32)

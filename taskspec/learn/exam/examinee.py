@@ -81,13 +81,11 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         hint = "file.py:train, or module:train, where `def train(case)` gives a policy"
         raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
     if learns_from is None:
-        wanted = getattr(train, "learns_from", DEFAULT)
+        learns_from = getattr(train, "learns_from", DEFAULT)
+    if isinstance(learns_from, str):
+        granted = (learns_from,)
     else:
-        wanted = learns_from
-    if isinstance(wanted, str):
-        granted = (wanted,)
-    else:
-        granted = tuple(wanted)
+        granted = tuple(learns_from)
     for source in granted:
         if source not in SOURCES:
             hint = f"some of {', '.join(SOURCES)}"

@@ -68,9 +68,8 @@ class Planned:
 
     @property
     def name(self) -> str:
-        if self.twin is None:
-            kind = ""
-        else:
+        kind = ""
+        if self.twin is not None:
             kind = f"+{'+'.join(self.twin)}"
         if self.trial.negated:
             kind = " negated"
@@ -303,9 +302,8 @@ class _Trials:
         about = modify(task, *(twin or ()))
         terms = ExamTerms(self.granted(task), self.who.learns_from, self.transitions)
         evaluate = self._suite(task).evaluate
-        if evaluate is None:
-            horizon = None
-        else:
+        horizon = None
+        if evaluate is not None:
             horizon = evaluate.longer_than(task.horizon)
         place = self.who.place or ""
         trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)

@@ -195,10 +195,9 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_act
 def _variations(
     book: RuleBook, exams: Mapping[str, Mapping[str, Any]], evaluator: ScoreEvaluator
 ) -> dict[str, ScoreEvaluator]:
+    actions = "drawn actions"
     if evaluator.scores.drawn:
         actions = "best actions"
-    else:
-        actions = "drawn actions"
     return {
         actions: _evaluator(book, exams, other_actions=True),
         f"{SLACK} easier": replace(evaluator, slack=SLACK),
@@ -311,9 +310,8 @@ def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:
     """Return a source as a line of text: authors, year, title, and the place in it."""
     key = entry.source.key
     found = references.get(key)
-    if found is None:
-        source = key
-    else:
+    source = key
+    if found is not None:
         source = f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
     if entry.source.where:
         return f"{source}, {entry.source.where}"

@@ -163,10 +163,9 @@ def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
 def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
     outcome = each.outcome(name)
     deciding = each.deciding(name)
+    evidence = ""
     if deciding is not None and outcome != "not run":
         evidence = str(deciding)
-    else:
-        evidence = ""
     number = sum(not comparison.is_missing for comparison in each.truths[name].evidence)
     return {
         "set": name, "outcome": outcome, "evidence": evidence, "number": number,

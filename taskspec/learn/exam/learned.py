@@ -62,17 +62,15 @@ def learned_fields(
     """
     found: dict[str, Any] = {}
     if demonstrations is not None and not sees_reward:
+        policy = learned
         if isinstance(learned, Learned):
             policy = learned.policy
-        else:
-            policy = learned
         found["pairings"] = pairing_distances(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         found |= reward_fields(task, learned.reward)
+    values = {}
     if sees_reward:
         values = learned_values(task, learned)
-    else:
-        values = {}
     if not values:
         return found
     was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
@@ -131,10 +129,9 @@ def _values_of(task: Task, policy: Any) -> dict[str, Any]:
 
 
 def _normalises_rewards(model: Any) -> bool:
+    wrapper = None
     if hasattr(model, "get_vec_normalize_env"):
         wrapper = model.get_vec_normalize_env()
-    else:
-        wrapper = None
     return bool(getattr(wrapper, "norm_reward", False))
 
 

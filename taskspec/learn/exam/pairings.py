@@ -35,8 +35,7 @@ class Shown:
         counts = np.zeros(self.shape)
         np.add.at(counts, (obs, acts), np.float64(counts_if))
         counts[counts.sum(axis=1) == 0] = 1.0
-        found: Array = counts / counts.sum(axis=1, keepdims=True)
-        return found
+        return counts / counts.sum(axis=1, keepdims=True)
 
     @cached_property
     def is_last(self) -> Array:

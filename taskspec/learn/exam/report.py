@@ -133,10 +133,9 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
         SpecError: as `write`.
     """
     place = Path(folder)
+    stem = "learners"
     if len(exams) == 1:
         stem = "report"
-    else:
-        stem = "learners"
     written = []
     for name in _known(formats):
         if name == "parquet":

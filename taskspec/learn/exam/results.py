@@ -209,10 +209,9 @@ def read(folder: Path | str) -> Exam:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             content = file.read(LIMIT + 1)
         text = content.decode("utf-8-sig")
+        found = None
         if len(content) <= LIMIT:
             found = json.loads(text)
-        else:
-            found = None
     except FileNotFoundError:
         shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
         hint = (

@@ -147,9 +147,8 @@ class RewardMdp:
         model = self.model
         s = model.n_states
         a = model.n_actions
-        if callable(reward):
-            table = None
-        else:
+        table = None
+        if not callable(reward):
             table = np.asarray(reward, np.float64)
         if table is not None and table.shape not in ((s, a, s), (s, a), (s,)):
             misused(f"a reward has shape ({s}, {a}, {s}), ({s}, {a}) or ({s},) here, not {table.shape}")

@@ -331,9 +331,8 @@ def seeds_and_steps(
     left = seconds - (time.perf_counter() - begin)
     per_step = max(0.0, (took[1] - took[0]) / (PILOTS[1] - PILOTS[0]))
     start = max(0.0, took[0] - per_step * PILOTS[0])
-    if is_fixed:
-        fewest = most
-    else:
+    fewest = most
+    if not is_fixed:
         fewest = min(most, PILOTS[0])
     shortest = runs * (start + per_step * fewest)
     seeds = min(SEEDS, int(left / max(shortest, 1e-9)))

@@ -215,9 +215,8 @@ class NetPolicy:
         v = self.actions
         if not v.counts:
             mean = self._output(seen)
-            if deterministic:
-                drawn = mean
-            else:
+            drawn = mean
+            if not deterministic:
                 drawn = mean + np.exp(self.deviations) * rng.standard_normal(mean.shape)
             return np.clip(drawn, v.low, v.high).astype(np.float32).reshape(-1, *v.shape)
         columns = []

@@ -93,7 +93,7 @@ def changed(base: T, document: Document, path: Place) -> T:
     found = _changed(base, data, document, path, problems)
     if problems:
         raise SpecError(problems)
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _changed(base: Any, data: Any, document: Document, path: Place, problems: list[Diagnostic]) -> Any:
@@ -117,9 +117,8 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
             found[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
         except ValidationError as error:
             first = error.errors()[0]
+            code = "E204"
             if first["type"] == "literal_error":
                 code = "E206"
-            else:
-                code = "E204"
             problems.append(Diagnostic(code, document.span(place), f"{value!r} does not fit: {first['msg']}"))
     return replace(base, **found)

@@ -35,8 +35,7 @@ class StateReward:
     first: int
 
     def __call__(self, observations: Any, actions: Any, next_observations: Any) -> Array:
-        reward: Array = self.values[np.asarray(next_observations) - self.first]
-        return reward
+        return self.values[np.asarray(next_observations) - self.first]
 
 
 @dataclass(frozen=True, eq=False)

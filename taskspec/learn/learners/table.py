@@ -301,7 +301,7 @@ class Learner:
             SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn.
         """
         module, _, function = self.trainer.partition(":")
-        return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
+        return getattr(import_module(module), function)(self.settings, case)
 
 
 _FU = Trpo(

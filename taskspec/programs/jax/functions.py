@@ -291,13 +291,11 @@ def _check(parameter: Parameter, value: Any) -> None:
     if known is None:
         return
     given = known.astype(np.float64)
-    if parameter.low is None:
-        low = -math.inf
-    else:
+    low = -math.inf
+    if parameter.low is not None:
         low = parameter.low
-    if parameter.high is None:
-        high = math.inf
-    else:
+    high = math.inf
+    if parameter.high is not None:
         high = parameter.high
     is_whole = parameter.kind != "int" or (given == np.rint(given)).all()
     if not (is_whole and ((given >= low) & (given <= high)).all()):

@@ -231,7 +231,7 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
     source = "\n".join([*lines, *indent([f"return {tuple_of(values)}"]), ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} required, jax>", namespace)
-    return namespace["required"]  # type: ignore[no-any-return]
+    return namespace["required"]
 
 
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:

@@ -78,10 +78,9 @@ class KernelLane(LaneEmitter):
 
     def _whole_division(self, node: Apply, template: str) -> str:
         """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
+        sign = "%"
         if node.op == "floordiv":
             sign = "//"
-        else:
-            sign = "%"
         (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
         if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
             return f"(u32({{0}}) {sign} u32({{1}}))"
@@ -99,10 +98,9 @@ class KernelLane(LaneEmitter):
             case "count":
                 return LaneValue(self._fold(node, [f"i32({a})" for a in atoms], "+", "0"))
             case "min" | "max" | "argmin" | "argmax":
+                sign = ">"
                 if node.op.endswith("min"):
                     sign = "<"
-                else:
-                    sign = ">"
                 return LaneValue(self._best(node, atoms, sign, place=node.op.startswith("arg")))
             case "sort":
                 return LaneValue(self._network(node, atoms))
@@ -212,10 +210,9 @@ class KernelLane(LaneEmitter):
     def table(self, cells: Sequence[Any], kind: Kind) -> str:
         dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
         if dtype is None:
+            dtype = np.int64
             if all(abs(v) <= INT_MAX for v in cells):
                 dtype = np.int32
-            else:
-                dtype = np.int64
         return self.array(np.array(cells, dtype))
 
     def array(self, array: Any) -> str:

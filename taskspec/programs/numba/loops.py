@@ -151,10 +151,9 @@ class Statements:
         for segment in layout.segments:
             if segment.component in self.shown:
                 continue
+            cast = "f32"
             if layout.parts[segment.part].is_whole:
                 cast = "i64"
-            else:
-                cast = "f32"
             atoms = values[segment.component].atoms or []
             if segment.values is not None:
                 held = self.lane.assign(f"i32({atoms[segment.element]})")

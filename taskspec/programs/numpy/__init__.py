@@ -236,10 +236,9 @@ class NumpyEngine:
             self.buffers.ended = self.buffers.truncated
         self._read = action_reader(task, module.action, lanes)
         self._episodes = Episodes(self.buffers, options.mode)
+        size = 1
         if lanes:
             size = max(1, -(-lanes // -(-lanes // BLOCK)))
-        else:
-            size = 1
         places = []
         for i in range(0, lanes, size):
             places.append(slice(i, min(i + size, lanes)))
@@ -318,10 +317,9 @@ class _Block:
     def step(self, actions: Sequence[Array]) -> int:
         b = self._buffers
         episodes = self.episodes
+        late = None
         if episodes.over:
             late = b.ended.nonzero()[0]
-        else:
-            late = None
         if late is not None:
             self.ahead.part_ways()
             b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time

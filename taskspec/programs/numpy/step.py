@@ -37,13 +37,12 @@ class NumpyRuntime(Runtime):
         """Pick rows of x (n, ..., N) at the indices i (..., N) of each lane."""
         lanes = x.shape[-1]
         if x.ndim != 2 or lanes == 1 or not x.flags.c_contiguous:
-            return super().index(x, i)  # type: ignore[no-any-return]
-        picked: Array = x.reshape(-1).take(i * lanes + _lanes(lanes), mode="clip")
-        return picked
+            return super().index(x, i)
+        return x.reshape(-1).take(i * lanes + _lanes(lanes), mode="clip")
 
     def sort(self, x: Array) -> Array:
         if not 1 < x.shape[0] <= UNSORTED:
-            return super().sort(x)  # type: ignore[no-any-return]
+            return super().sort(x)
         rows = list(x)
         exact = x.dtype.kind in "iub"
         least = np.minimum if exact else np.fmin
@@ -59,13 +58,13 @@ class NumpyRuntime(Runtime):
 
     def count(self, x: Array) -> Array:
         if len(x) > 127:
-            return super().count(x)  # type: ignore[no-any-return]
+            return super().count(x)
         total: Array = np.add.reduce(self.rows(x).view(np.int8), 0, np.int8)
         return total.astype(np.int64)
 
     def swap(self, x: Array, i: Array, j: Array) -> Array:
         if x.ndim != 2:
-            return super().swap(x, i, j)  # type: ignore[no-any-return]
+            return super().swap(x, i, j)
         lanes = max(x.shape[-1], i.shape[-1], j.shape[-1])
         exchanged = np.empty((len(x), lanes), x.dtype)
         exchanged[...] = x

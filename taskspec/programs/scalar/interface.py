@@ -180,9 +180,8 @@ def row_names(task: Task) -> dict[str, Any]:
 
 def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
     """Source of a step's info, after the state has moved on; `measures` are the sources of their values."""
-    if is_kept(task):
-        new_state = "told"
-    else:
+    new_state = "told"
+    if not is_kept(task):
         new_state = flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
     items = []

@@ -125,10 +125,9 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         body += [f"told = {phase.row_names[2]}"]
     else:
         body += interface.told_state(task, parts.observation, states, observation)
+    told = "{}"
     if task.mask:
         told = f"{{{interface.MASKED}}}"
-    else:
-        told = "{}"
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {told}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
@@ -216,9 +215,8 @@ def _seen(
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
-    if task.horizon is None:
-        truncated = "False"
-    else:
+    truncated = "False"
+    if task.horizon is not None:
         truncated = f"t >= {task.horizon}"
     if terminal == "False" and truncated == "False":
         return [], "False, False"

@@ -200,7 +200,7 @@ def _listed(node: Node, value: Array, count: int) -> list[Any]:
     """List a hoisted value for every item: Python scalars, flat tuples, or flat arrays if they are wide."""
     flat = np.broadcast_to(value.reshape(node.type.size, value.shape[-1]), (node.type.size, count))
     if node.type.is_scalar:
-        return flat[0].tolist()  # type: ignore[no-any-return]
+        return flat[0].tolist()
     if node.type.size > WIDE:
         return list(np.ascontiguousarray(flat.T))
     return list(map(tuple, flat.T.tolist()))

@@ -87,10 +87,9 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
             drawn = _drawn(task, over.only(part))
             if part in over.legend and drawn is not None and not drawn.shows(bare):
                 scale, what = over.legend[part]
+                name = part
                 if names == ("expert",):
                     name = "expert"
-                else:
-                    name = part
                 found[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
     return found
 
@@ -109,10 +108,9 @@ def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
         return
     bare = _drawn(task, over.only())
     for part, (scale, what) in over.legend.items():
+        with_part = None
         if part in PARTS:
             with_part = _drawn(task, over.only(part))
-        else:
-            with_part = None
         if with_part is not None and not with_part.shows(bare):
             yield f"{with_part.drawn[part].format(scale)}: {what}"
         else:

@@ -62,9 +62,8 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
         shown = list(zip(times, rows, colors, strict=True))
         if len(rows) > ROWS:
             shown[ROWS - 1 : -1] = []
-        if len(rows) == 1:
-            moves = ""
-        else:
+        moves = ""
+        if len(rows) != 1:
             moves = f", and its changes in an episode of {whose}"
         items += _cells(shown, len(rows) - len(shown))
         alt = f"{plural(count, 'cell')}{moves}"
@@ -192,10 +191,9 @@ def _board(task: Task, node: Expression, values: Array, is_frame: bool) -> sc.Sc
         notes = (f"A state after {len(path) - 1} steps of {whose}.",)
     height, width = node.type.shape
     most = float(np.abs(values).max()) or 1.0
+    digits = 2
     if np.array_equal(values, np.rint(values)):
         digits = 0
-    else:
-        digits = 2
     items: list[sc.Item] = []
     for (row, column), value in np.ndenumerate(values):
         cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")

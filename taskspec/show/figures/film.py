@@ -44,10 +44,9 @@ def film(task: Task) -> str | None:
     None where nobody knows how to act, and for figures that are large or whose frames differ in size.
     """
     task = task.unmodified
+    who = "expert"
     if task.annotations.expert is None:
         who = "optimal"
-    else:
-        who = "expert"
     try:
         steps = list(_episode(task, who))
     except SpecError:
@@ -70,10 +69,9 @@ def film(task: Task) -> str | None:
             frames.append(replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label)))
     if len(frames) < 2 or np.ptp([frame.height for frame in frames]) > SAME:
         return None
+    whose = "the expert"
     if who == "optimal":
         whose = "an optimal policy"
-    else:
-        whose = "the expert"
     width = max(frame.width for frame in frames)
     alt = f"An episode of {whose} in {task.name}, {len(frames)} frames"
     return animated(replace(frames[0], width=width, alt=alt), [frame.items for frame in frames])

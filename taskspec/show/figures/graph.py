@@ -208,10 +208,9 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     found = {}
     for i, layer in enumerate(drawing.layers):
         heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
+        shift = 0.0
         if straight and mains[i]:
             shift = heights[mains[i][0]]
-        else:
-            shift = 0.0
         for v in layer:
             half, radius = sizes[v]
             rim = RIM if v in request.ending else 0.0
@@ -240,9 +239,8 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
     shown = [v for v in plan.spots if isinstance(v, int)]
     notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
     size = f"{plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
-    if present is None:
-        focus = None
-    else:
+    focus = None
+    if present is not None:
         focus = plan.spots[present].at
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 

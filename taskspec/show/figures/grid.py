@@ -153,10 +153,9 @@ class _Grid:
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())
+        how = DRAWN_TOGETHER
         if distinct == len(by_code):
             how = DRAWN
-        else:
-            how = DRAWN_TOGETHER
         return fitted(board.items(), alt, notes, drawn=how)
 
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
@@ -217,8 +216,7 @@ class _Grid:
 
 
 def _whole_numbers(places: Array) -> Array:
-    found: Array = np.clip(np.nan_to_num(places, nan=NOWHERE), -NOWHERE, NOWHERE).astype(int)
-    return found
+    return np.clip(np.nan_to_num(places, nan=NOWHERE), -NOWHERE, NOWHERE).astype(int)
 
 
 def _cell(place: Array) -> Cell:

@@ -117,9 +117,8 @@ class Machine:
         form = "({})"
         if len(self.task.state) == 1:
             (c,) = self.task.state
-            if c.domain:
-                form = "{}"
-            else:
+            form = "{}"
+            if not c.domain:
                 form = f"{plain(self.notation.symbol(c.name))} = {{}}"
         return ", ".join(form.format(plain(self.labels[c])) for c in codes)
 
@@ -193,9 +192,8 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
-        if key == task.source.variant:
-            other = task
-        else:
+        other = task
+        if key != task.source.variant:
             other = load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
@@ -252,10 +250,9 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
 
 def state_labels(task: Task) -> Mapping[int, m.Math]:
     """Return the symbols of the states of a task that has a graph, by code; none for other tasks."""
+    machine = None
     if figure_of(task).kind == DEFAULT and len(task.state) == 1:
         machine = explore(task)
-    else:
-        machine = None
     if machine is None or task.modifiers:
         return {}
     return machine.labels

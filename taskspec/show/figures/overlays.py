@@ -73,14 +73,12 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise spec_error("E713", message)
     model = lasting(model or extract(task))
+    acting = None
     if wanted & {"expert", "occupancy"}:
         acting = _acting(task, model)
-    else:
-        acting = None
+    visits = {}
     if acting is not None and "occupancy" in wanted:
         visits = _visits(model, *acting)
-    else:
-        visits = {}
     most = max(visits.values(), default=0.0)
     found: dict[str, Any] = {}
     if "values" in wanted:
@@ -97,14 +95,12 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
 
 
 def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[tuple[str, tuple[str, str]]]:
-    if task.horizon is None:
-        left = ""
-    else:
+    left = ""
+    if task.horizon is not None:
         left = f" with all {task.horizon:,} steps to go"
+    whose = "the expert's"
     if task.annotations.expert is None:
         whose = "an optimal policy's"
-    else:
-        whose = "the expert's"
     lacks = ""
     if wanted & {"expert", "occupancy"} and not acts:
         lacks = ", for which there is no exact plan"
@@ -129,9 +125,8 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
     if task.annotations.expert is None:
         return model, plans.optimal_plan(model)
     try:
-        if task.annotations.memory is None:
-            whole = model
-        else:
+        whole = model
+        if task.annotations.memory is not None:
             whole = lasting(extract(task.remembering()))
     except SpecError:  # too many states with the memory
         return None

@@ -130,9 +130,8 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     if across is None:
         return None
     along = expert_path(task, 20 if task.horizon is None else 100, SEED)
-    if overlay.here is None:
-        shown = along
-    else:
+    shown = along
+    if overlay.here is not None:
         shown = [dict(overlay.here)]
     path = [_place(task, figure.at, state) for state in along]
     dots = [_place(task, figure.at, state) for state in shown]

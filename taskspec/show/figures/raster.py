@@ -126,13 +126,11 @@ def _draw(axes: Any, scene: Scene, scale: float) -> None:
 
 def _paint(item: Circle | Box) -> dict[str, Any]:
     colors = need("matplotlib.colors", "figures")
-    if item.fill is None:
-        face = "none"
-    else:
+    face = "none"
+    if item.fill is not None:
         face = colors.to_rgba(COLORS[item.fill], item.shade)
-    if item.line is None:
-        edge = "none"
-    else:
+    edge = "none"
+    if item.line is not None:
         edge = COLORS[item.line]
     return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
 

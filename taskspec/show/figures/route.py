@@ -292,10 +292,9 @@ def along(line: Line, text: m.Math) -> list[Label]:
     """Return places of an arrow's label: above its middle, then on either side of it and further along."""
     (x0, y0), *_, (x1, y1) = line.points
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
+    side = -1.0
     if line.curved or x1 >= x0:
         side = 1.0
-    else:
-        side = -1.0
     x, y = line.at(0.5)
     points = [(x + side * (y1 - y0) / length * 0.18, y - side * (x1 - x0) / length * 0.18)]
     w = text_width(text, ARROW) / 2

@@ -55,10 +55,9 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     if len(path) <= SHORT:
         path, whose = max((episode_path(task, seed=seed) for seed in range(SEEDS)), key=lambda found: len(found[0]))
     steps = len(path) - 1
+    found = []
     if steps > 0:
         found = _measured(task, path)
-    else:
-        found = []
     if task.annotations.figure is None:
         found = [x for x in found if len(set(x.values)) > 1]
     if not _is_finite(found):
@@ -160,10 +159,9 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
         names = of_task(task)
         for c in filter(_is_followed, task.state):
             rows = np.array([np.asarray(state[c.name], dtype=float).reshape(-1) for state in path])
+            around = math.inf
             if c.type.is_scalar:
                 around = period(task, c.value)
-            else:
-                around = math.inf
             for i in range(c.type.size):
                 symbol = names.symbol(c.name)
                 if not c.type.is_scalar:
@@ -181,9 +179,8 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
 
 def _symbols(task: Task, node: Expression) -> list[m.Math]:
     names = of_task(task)
-    if task.spec.figure is None:
-        written = None
-    else:
+    written = None
+    if task.spec.figure is not None:
         written = task.spec.figure.values
     whole = expression("v" if written is None else written)
     if isinstance(whole, s.Vector) and len(whole.items) == node.type.size:

@@ -43,8 +43,7 @@ def figure_of(task: Task) -> Figure:
 
 
 def at_state(task: Task, node: Expression, state: State) -> Array:
-    found: Array = at_states(task, node, reads_of(task, state))[0].astype(float)
-    return found
+    return at_states(task, node, reads_of(task, state))[0].astype(float)
 
 
 def reads_of(task: Task, state: State) -> Reads:

@@ -50,10 +50,9 @@ def svg_item(item: sc.Item) -> str:
         case sc.Circle(centre=(x, y), radius=r):
             return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
         case sc.Box(corner=(x, y), width=w, height=h, round=corner):
+            rounded = ""
             if corner:
                 rounded = f' rx="{_px(corner)}"'
-            else:
-                rounded = ""
             place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
             return f"<rect {place}{rounded}{_svg_paint(item)}/>"
         case sc.Line():
@@ -66,9 +65,8 @@ def svg_item(item: sc.Item) -> str:
 
 def _svg_paint(item: sc.Circle | sc.Box) -> str:
     classes = [f"{part}-{role}" for part, role in (("fill", item.fill), ("line", item.line)) if role is not None]
-    if item.fill is None:
-        inside = "none"
-    else:
+    inside = "none"
+    if item.fill is not None:
         inside = sc.COLORS[item.fill]
     faded = ""
     if item.fill and item.shade < 1:
@@ -76,9 +74,8 @@ def _svg_paint(item: sc.Circle | sc.Box) -> str:
     edge = ""
     if item.line:
         edge = f' stroke="{sc.COLORS[item.line]}" stroke-width="{_px(0.032)}"'
-    if item.state is None:
-        state = ""
-    else:
+    state = ""
+    if item.state is not None:
         state = f' data-state="{item.state}"'
     return f'{state} class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
 
@@ -104,9 +101,8 @@ def _label(label: sc.Label) -> str:
     x, y = label.at
     fill = f"fill-{label.color}"
     halo = f' stroke="{sc.COLORS["paper"]}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
-    if label.halo:
-        style = halo
-    else:
+    style = halo
+    if not label.halo:
         style = f' class="{fill}"'
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.COLORS[label.color]}"{style}>{runs(label.text)}</text>'
@@ -166,10 +162,9 @@ def _tikz_item(item: sc.Item) -> str:
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" * item.halo
+            size = r"\small"
             if item.size < 0.34:
                 size = r"\footnotesize"
-            else:
-                size = r"\small"
             options = f"anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}"
             return rf"\node[{options}] at {_tikz_point(at)} {{${latex(text)}$}};"
         case _:

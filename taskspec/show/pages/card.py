@@ -108,10 +108,9 @@ def markdown(card: dict[str, Any]) -> str:
     lines += [f"| keyword | {escape(word)} |" for word in card["keywords"][1:]]
     for kind in ("parameter", "modifier", "space", "size", "return"):
         for each in kinds.get(kind, ()):
+            remark = ""
             if "description" in each:
                 remark = f" ({escape(each['description'])})"
-            else:
-                remark = ""
             title = TITLES.get(kind, "{}").format(each["name"])
             lines.append(f"| {escape(title)} | {_shown(each)}{remark} |")
     lines.append(f"| content | `{card['identifier'][1]}` |")

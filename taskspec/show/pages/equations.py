@@ -48,8 +48,7 @@ class Writing:
         return written_in(self.task, section)
 
     def put(self, expr: s.Expr) -> s.Expr:
-        found: s.Expr = rewrites.substitute(expr, self.values) if self.values else expr
-        return found
+        return rewrites.substitute(expr, self.values) if self.values else expr
 
     def math(self, expr: s.Expr, of: str | None = None, notation: Notation | None = None) -> m.Math:
         return mathematics(self.put(expr), notation or self.notation, of)
@@ -72,10 +71,9 @@ class Writing:
         those of a function, with their axes.
         """
         if rewrites.is_draw(expr):
+            sign = "∼"
             if rewrites.shows_probabilities(expr):
                 sign = "="
-            else:
-                sign = "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = rewrites.take_apart(expr, self.drawn)
         writer = ExpressionWriter(self.notation)
@@ -88,10 +86,9 @@ class Writing:
         notation = replace(self.notation, axes=axes)
         whole = ExpressionWriter(notation, of)
         value = self.put(apart.expr)
+        elements = None
         if rewrites.has_conditions(whole, value):
             elements = rewrites.pointwise(whole, value)
-        else:
-            elements = None
         if elements is None:
             index = rewrites.broadcast(whole, value)
             right = whole.number(value).tree
@@ -124,10 +121,9 @@ class Writing:
         shape = getattr(entry, "shape", None)
         if shape in (None, [], 1, [1]):
             return inner
+        lengths = [shape]
         if isinstance(shape, list):
             lengths = shape
-        else:
-            lengths = [shape]
         return m.Script(inner, sup=m.joined(map(self.declared, lengths), "×"))
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
@@ -146,14 +142,12 @@ class Writing:
         return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:
+        low = None
         if "low" in ends:
             low = self.declared(ends["low"])
-        else:
-            low = None
+        high = None
         if "high" in ends:
             high = self.declared(ends["high"])
-        else:
-            high = None
         match entry.type:
             case "bool":
                 return interval(m.Num("0"), m.Num("1"))

@@ -114,10 +114,9 @@ def table(settings: Sequence[Setting]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
     found = [dict(_scores(each.task, each.facts)) for each in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
+    titles = [""]
     if len(settings) > 1:
         titles = [each.title for each in settings]
-    else:
-        titles = [""]
     if len(settings) > MOST_COLUMNS:
         turned = zip(titles, found, strict=True)
         lines = tuple(((Text(title),), *(scores.get(name, ()) for name in names)) for title, scores in turned)

@@ -118,10 +118,9 @@ class HtmlWriter:
         address = found.plain("url")
         if address and p.is_safe(address):
             title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
+        venue = ""
         if found.venue:
             venue = f", {found.venue}"
-        else:
-            venue = ""
         head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
         return head + title + Markup("{}").format(venue) + where
 
@@ -168,17 +167,15 @@ def formula(math: m.Math, display: bool = False) -> Markup:
             before = formula(m.row(*left)) if left else ""
             whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
             return Markup(whole).format(plain(math), before, cells)
+    pieces = [math]
     if m.width(math) > BREAK_AFTER:
         pieces = _pieces(_flat(math))
-    else:
-        pieces = [math]
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
+        kind = "formula"
         if m.width(math) > BREAK_AFTER:
             kind = "rigid"
-        else:
-            kind = "formula"
         return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
     infix = (
         r"^(<math[^>]*><mrow><mo)>",

@@ -251,10 +251,9 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
         if component.name not in fixed and expr is not None:
             yield from _transition(w, component.name, expr)
     if fixed:
+        verb = " keep their values"
         if len(fixed) == 1:
             verb = " keeps its value"
-        else:
-            verb = " keep their values"
         yield (*listing([(formula(w.symbol(n)),) for n in fixed]), Text(verb))
 
 
@@ -327,9 +326,8 @@ def expert(w: Writing) -> Iterator[Inlines]:
                 value = w.math(found.args[0])
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            if isinstance(found, Mapping):
-                actions = found
-            else:
+            actions = found
+            if not isinstance(found, Mapping):
                 actions = {next(iter(w.spec.action)): found}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

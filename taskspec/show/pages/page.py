@@ -50,8 +50,7 @@ class Page:
 
     def _repr_html_(self) -> str:
         hypertext = need("taskspec.show.pages.hypertext", "docs", "a page in a notebook")
-        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
-        return found
+        return hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
 
 
 def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
@@ -101,10 +100,9 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
     shown = [task.values]
     for column in columns:
         values = {names[name]: value for name, value in column.items() if name in names}
+        at = task
         if values:
             at = load(task, **values)
-        else:
-            at = task
         if at.values not in shown:
             shown.append(at.values)
             title = ", ".join(f"{name} = {at.values[name]}" for name in values)

@@ -51,10 +51,9 @@ def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Inlines
         case s.Call(function="reachable", args=(what, *_)):
             return (_truth(w, what), p.Text(" cannot be reached" if denied else " can be reached"))
         case s.Call(function="influences", args=(cause, effect)):
+            verb = " has an effect on "
             if denied:
                 verb = " has no effect on "
-            else:
-                verb = " has an effect on "
             return (_truth(w, cause), p.Text(verb), _truth(w, effect))
         case operand if denied:
             return (p.Text("it is not so that "), *sentence(w, operand, under))
@@ -77,9 +76,8 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Formula:
         symbols["states"] = m.Words("number of abstract states")
     symbols["probability"] = m.Ident("P", "blackboard")
     symbols["measure"] = m.Ident("E", "blackboard")
-    if under is None:
-        policy = "random"
-    else:
+    policy = "random"
+    if under is not None:
         policy = text(under)
     events = {"probability": policy, "measure": policy}
     return p.Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))

@@ -280,8 +280,7 @@ class Evidence:
     def acting(self) -> list[int]:
         """The states in which some episode acts."""
         assert self.table is not None
-        acting: list[int] = np.flatnonzero(self.table.model(self.horizon).acting).tolist()
-        return acting
+        return np.flatnonzero(self.table.model(self.horizon).acting).tolist()
 
     @cached_property
     def entered(self) -> int:

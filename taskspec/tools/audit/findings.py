@@ -55,9 +55,8 @@ def outside(x: Evidence) -> AuditFinding | None:
     """Find an observation that is not in the observation space."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps):
-            if step.error:
-                why = None
-            else:
+            why = None
+            if not step.error:
                 why = why_outside(x.subject.observation_space, step.observation)
             if why:
                 return AuditFinding(f"at t = {t} the observation {why}", episode.trace(t))
@@ -117,10 +116,9 @@ def mutated(x: Evidence) -> AuditFinding | None:
         for t, step in enumerate(episode.steps):
             is_changed = frozen(step.observation) != step.seen
             if not step.error and (is_changed or frozen(step.info) != step.seen_info):
+                name = "info"
                 if is_changed:
                     name = "observation"
-                else:
-                    name = "info"
                 words = f"the {name} of t = {t} is changed by later steps; return a copy"
                 return AuditFinding(words, episode.trace(t + 1))
     return None
@@ -243,9 +241,8 @@ def hidden_state(x: Evidence) -> AuditFinding | None:
     if pair is None:
         return None
     actions = [table.actions[a] for a in apart(x.rows, x.classes, *pair)]
-    if len(actions) == 1:
-        after = "after the same action"
-    else:
+    after = "after the same action"
+    if len(actions) != 1:
         after = f"after the same {len(actions)} actions"
     words = f"{shown(table.shown[pair[0]])} is observed in two states, which differ {after}: it is a POMDP"
     return AuditFinding(words, _traces(x, pair, actions))
@@ -279,10 +276,9 @@ def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
 def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
     parts: list[TracePart] = []
     for s in pair:
+        trace = None
         if x.table is not None:
             trace = x.table.traces[s]
-        else:
-            trace = None
         if trace is None:
             return None
         parts.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
@@ -417,16 +413,14 @@ def examined(subject: Subject, seconds: float) -> Audit:
 
 
 def _size(x: Evidence) -> str:
-    if x.horizon is None:
-        horizon = "no time limit seen"
-    else:
+    horizon = "no time limit seen"
+    if x.horizon is not None:
         horizon = f"{x.horizon:,} steps"
     if x.table is None:
         return f"sampled, since {x.why_not}; {horizon}"
+    chance = ""
     if x.table.is_estimated:
         chance = ", chance estimated"
-    else:
-        chance = ""
     return f"{plural(x.entered, 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
 
 
@@ -446,10 +440,9 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
         numbers["best single action"] = max(x.solved.constant)
         if x.table.drawn:
             sampled = {"the policy found optimal": x.checked}
+    about = ""
     if x.table is not None and x.table.is_estimated:
         about = "about "
-    else:
-        about = ""
     words = [(name, about + decimal(value)) for name, value in numbers.items()]
     for name, returns in sampled.items():
         if not returns:

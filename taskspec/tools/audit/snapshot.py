@@ -153,10 +153,9 @@ def _places(episodes: Iterable[list[Snapshot]], wanted: Any) -> frozenset[Place]
             if all(value == first for value in values):
                 continue
             is_number = all(isinstance(value, int | float) for value in values)
+            steps = []
             if is_number:
                 steps = [round(b - a, 9) for a, b in pairwise(values)]
-            else:
-                steps = []
             verdicts[place] = verdicts.get(place, True) and is_number and wanted(steps)
     places = [place for place, is_wanted in verdicts.items() if is_wanted]
     return frozenset(place[:-1] if place[-1] == LENGTH else place for place in places)

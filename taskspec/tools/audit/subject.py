@@ -203,9 +203,8 @@ class Subject:
             case spaces.Discrete() as space if space.n <= most:
                 return [space.start + i for i in range(space.n)]
             case spaces.MultiDiscrete(nvec=nvec) | spaces.MultiBinary(shape=nvec) if np.size(nvec) <= 6:
-                if isinstance(self.action_space, spaces.MultiDiscrete):
-                    counts = nvec
-                else:
+                counts = nvec
+                if not isinstance(self.action_space, spaces.MultiDiscrete):
                     counts = (2,) * int(np.prod(nvec))
                 if int(np.prod(counts)) <= most:
                     return [np.array(each, self.action_space.dtype) for each in np.ndindex(*np.ravel(counts))]

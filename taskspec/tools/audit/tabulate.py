@@ -198,9 +198,8 @@ class TableSearch:
             generators = snapshot(instance.env).generators
             if repeat:
                 reseed(generators, repeat)
-            if is_drawn:
-                before = ""
-            else:
+            before = ""
+            if not is_drawn:
                 before = drawn(generators)
             step = instance.step(self.table.actions[a])
             if step.error:

@@ -42,10 +42,9 @@ class Analysis:
     @property
     def sections(self) -> dict[str, Any]:
         """The sections as they are written; none where the text is no mapping."""
+        data = None
         if self.document:
             data = self.document.data
-        else:
-            data = None
         if isinstance(data, dict):
             return data
         return {}
@@ -59,10 +58,9 @@ class Analysis:
 
     def attempt(self, path: Path) -> Attempt | None:
         """Return what was made of the spec or the variant that a path is in."""
+        variant = None
         if path[:1] == ("variants",) and len(path) > 1:
             variant = path[1]
-        else:
-            variant = None
         for each in self.attempts:
             if each.merged.variant == variant:
                 return each
@@ -75,10 +73,9 @@ class Analysis:
         attempt = self.attempt(path)
         if attempt is None:
             return None
+        section = ""
         if own(path):
             section = str(own(path)[0])
-        else:
-            section = ""
         context = attempt.names.context
         if section in ("parameters", "constants", "state", "action", "horizon", "discount"):
             return Scope(context.constants)
@@ -153,16 +150,14 @@ def _made(names: Names, section: str) -> Scope | None:
 
 def _labels(merged: Merged, section: str) -> Iterator[tuple[Path, str]]:
     for name, entry in (merged.data.get(section) or {}).items():
+        values = None
         if isinstance(entry, dict):
             values = entry.get("values")
-        else:
-            values = None
         if isinstance(values, list | dict):
             for at, label in enumerate(values):
+                step = at
                 if isinstance(values, dict):
                     step = label
-                else:
-                    step = at
                 yield (section, name, "values", step), str(label)
 
 

@@ -53,9 +53,8 @@ def formatted(text: str, name: str = "<string>") -> str:
     document = read_text(text, name)
     spaced = fixed(text, _spaces(document))
     root = compose(spaced).root
-    if root is None:
-        result = spaced
-    else:
+    result = spaced
+    if root is not None:
         result = spliced(spaced, _padding(root, spaced))
     if _bare(read_text(result, name)) != _bare(document):
         return text
@@ -142,10 +141,9 @@ def _padding(root: Node, text: str) -> list[Change]:
         rows = [(None, item) for item in inner]
     else:
         inner = [value for _, value in root.entries]
+        table = None
         if "rows" in root.index:
             table = root.index["rows"][1]
-        else:
-            table = None
         if isinstance(table, MappingNode) and not table.flow:
             rows = [*table.entries]
     changes = [change for each in inner for change in _padding(each, text)]

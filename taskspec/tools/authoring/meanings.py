@@ -64,9 +64,8 @@ def hover(analysis: Analysis, offset: int) -> str | None:
             return f"`{word}`: {found[0]}"
         return None
     scope = analysis.scope(at.path)
-    if scope is None:
-        bound = None
-    else:
+    bound = None
+    if scope is not None:
         bound = scope.lookup(word)
     lines = []
     declaration = analysis.declarations.get(word.rstrip("'"))
@@ -132,9 +131,8 @@ def signature_at(analysis: Analysis, offset: int) -> tuple[str, str, int] | None
             closed -= 1
         elif char == "(":
             name = _CALLED.search(at.before[:i])
-            if name is None:
-                call = None
-            else:
+            call = None
+            if name is not None:
                 call = _call(name.group(), analysis.scope(at.path))
             if call is None:
                 return None
@@ -161,20 +159,18 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
         written.append((("variants", key), analysis.sections["variants"][key]))
     for path, data in written:
         for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
+            entries = None
             if isinstance(data, dict):
                 entries = data.get(section)
-            else:
-                entries = None
             for key in entries if isinstance(entries, dict) else ():
                 if signature(str(key).rstrip("'"))[0] == name:
                     yield document.key_span((*path, section, key))
 
 
 def _of_node(node: Expression, domain: Domain | None) -> str:
+    value = None
     if node.type.is_scalar:
         value = constant(node)
-    else:
-        value = None
     if domain is not None:
         if value is not None:
             return f"{domain.labels[int(value)]}, {_labels(domain)}"
@@ -215,9 +211,8 @@ def _of_language(word: str) -> str | None:
 
 
 def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
-    if scope is None:
-        bound = None
-    else:
+    bound = None
+    if scope is not None:
         bound = scope.lookup(word)
     if isinstance(bound, FunctionDef):
         return bound.signature, printed(bound.body)

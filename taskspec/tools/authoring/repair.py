@@ -153,9 +153,8 @@ class Cursor(NamedTuple):
 def cursor(text: str, offset: int, name: str) -> Cursor:
     """Return what stands at an offset of a text, which need not be complete."""
     document = read_tolerantly(text[:offset] + _MARK + text[offset:], name).document
-    if document is None:
-        found = None
-    else:
+    found = None
+    if document is not None:
         found = document.search(_MARK)
     if found is None:
         return Cursor((), "text")

@@ -83,19 +83,17 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     file = File(Path(name), suite_of(name), text=text)
     report = check_file(file, examine)
     statuses = [claim["status"] for each in report.tasks for claim in each.claims]
+    claims = []
     if statuses:
         claims = [(["claims"], f"{statuses.count('proved')} of {len(statuses)} claims proved")]
-    else:
-        claims = []
     yield {"problems": records(report.diagnostics), "lenses": claims}
     scores = []
     for each in report.tasks:
         if each.task is None:
             continue
         with suppress(SpecError):
-            if each.variant is None:
-                place = ["name"]
-            else:
+            place = ["name"]
+            if each.variant is not None:
                 place = ["variants", each.variant]
             scores.append((place, _words(exact.scores(each.task))))
     yield {"lenses": scores}

@@ -166,9 +166,8 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fra
         policy = [{0: Fraction(1)} for _ in ready.outcomes]
     while True:
         V = _policy_values(ready, policy)
-        if pick is None:
-            better = {}
-        else:
+        better = {}
+        if pick is not None:
             better = _better_actions(ready, V, pick)
         if not better:
             return V[list(ready.start).index(1)]

@@ -132,10 +132,9 @@ def scores(asked: Question) -> dict[str, Any]:
     raise_if_errors(sound.diagnostics)
     found = results_of(task)
     facts = gather(Report(task, (), sound.method, results=found))
+    title = "Scores"
     if found.model is not None:
         title = "Exact scores"
-    else:
-        title = "Scores"
     return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": found.why_not}
 
 
@@ -317,10 +316,9 @@ def _python(asked: Question) -> str:
 
 
 def _command(asked: Question) -> str:
+    options = []
     if asked.variant is not None:
         options = ["-v", asked.variant]
-    else:
-        options = []
     for each in asked.parameters.items():
         options += ["-p", assigned([each])]
     for modifier in asked.modifiers:

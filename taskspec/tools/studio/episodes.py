@@ -63,9 +63,8 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     model = lasting(model)
     plan_name = str(message.get("plan", "optimal"))
     rule = _rule(results, plan_name, float(message.get("temperature") or 1.0))
-    if model.horizon is None:
-        last = 0
-    else:
+    last = 0
+    if model.horizon is not None:
         last = model.horizon - 1
     t = min(max(int(message.get("time") or 0), 0), last)
     plan = tables(model, rule)
@@ -74,10 +73,9 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
+    lines = None
     if model.n_states * model.n_actions <= MOST_PAIRS:
         lines = _lines(results.task, model)
-    else:
-        lines = None
     states = []
     for s in sorted(order.tolist()):
         states.append({
@@ -188,10 +186,9 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         words = action_words(env, known[action])
         observation, reward, terminated, truncated, info = env.step(known[action])
         if terminated or truncated:
+            ended = "truncated"
             if terminated:
                 ended = "terminated"
-            else:
-                ended = "truncated"
         total += task.discount**t * reward
         visited[t + 1] = env.state
         about = {"action": words, "reward": reward, "return": total, "regret": None, "regret_text": None}

@@ -118,15 +118,13 @@ class Folder:
             FileRefused: the file exists although it should be new, or has another text than the page has seen.
         """
         place = self.spec(path)
+        present = None
         if place.exists():
             present = digest(text_of(place))
-        else:
-            present = None
         if present != known:
+            why = "changed"
             if known is None:
                 why = "exists"
-            else:
-                why = "changed"
             raise FileRefused(why, f"'{path}' is new, or was changed by another program; it was not overwritten")
         write_text(place, text, new=known is None)
         return {"path": self.relative(place), "digest": digest(text), "uri": place.as_uri()}

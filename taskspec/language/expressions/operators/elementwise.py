@@ -80,10 +80,9 @@ def pow_(a: Number, b: Number) -> float:
 
 
 def sign(a: Number) -> Number:
+    kind = int
     if not isinstance(a, bool):
         kind = type(a)
-    else:
-        kind = int
     return kind((a > 0) - (a < 0))
 
 

@@ -216,10 +216,9 @@ def floor_quotient(args: Args, node: Apply) -> Interval:
 def remainder(args: Args, node: Apply) -> Interval:
     a, b = args[0][:2]
     c, d = args[1][:2]
+    gap = 0
     if node.type.kind is Kind.INT:
         gap = 1
-    else:
-        gap = 0
     if c > 0:
         if gap and a >= 0 and b < c:
             return (a, b)

@@ -114,10 +114,9 @@ def remainder(document: Document) -> tuple[Document | None, set[str]]:
     for problem in problems:
         place = problem.path
         if problem.code != "E202":
+            start = 0
             if place[:1] == ("variants",):
                 start = 2
-            else:
-                start = 0
             is_named = bool(set(place[start : start + 1]) & set(NAMED))
             place = place[: start + 1 + is_named]
         places.append(place)
@@ -178,9 +177,8 @@ def validated(merged: Merged) -> Spec:
         add_problem(collector, merged, problem)
     for section in merged.missing:
         _add_missing(collector, merged, section)
-    if merged.strays:
-        spec = None
-    else:
+    spec = None
+    if not merged.strays:
         spec = validate(merged, collector, Spec)
     collector.raise_if_errors()
     assert spec is not None
@@ -237,18 +235,16 @@ def _missing_key(loc: Path) -> Problem:
     if loc == ("taskspec",):
         message = "the file does not say in which format it is"
         return Problem("E203", (), message, "start it with `taskspec: 1`")
+    owner = "this entry"
     if len(loc) > 1 and isinstance(loc[-2], str):
         owner = f"`{loc[-2]}`"
-    else:
-        owner = "this entry"
     if loc in (("experiment",), ("exam",), ("findings",)):
         return Problem("E203", (), "the file does not say in which format it is", f"start it with `{loc[0]}: 1`")
     if len(loc) == 1:
         return Problem("E203", (), f"the file has no `{loc[-1]}`")
+    types = None
     if loc[-1] == "type" and len(loc) == 3:
         types = "one of `type: int`, `real`, `bool` and `choice`"
-    else:
-        types = None
     return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", types, of_key=True)  # at the owner, or what removes it
 
 
@@ -272,10 +268,9 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):
         is_number = isinstance(value, int | float)
+        hint = None
         if expected == "text" and is_number:
             hint = "put it in quotes"
-        else:
-            hint = None
         return values.wrong_kind(expected, value, hint)
     return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
 
@@ -300,10 +295,9 @@ def _many(data: dict[str, Any]) -> Iterator[Problem]:
 def _bases(document: Document) -> Iterator[Problem]:
     """Variants whose `base` does not exist, or leads back to themselves."""
     variants = document.data.get("variants")
+    entries = {}
     if isinstance(variants, dict):
         entries = {k: v for k, v in variants.items() if isinstance(v, dict)}
-    else:
-        entries = {}
     listed: list[tuple[Path, Any]] = [((), document.data), *((("variants", k), v) for k, v in entries.items())]
     for path, entry in listed:
         base = entry.get("base")
@@ -377,10 +371,9 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
     elif EXTENDS in merged.document.data:
         collector.add("E210", merged.document.span((EXTENDS,)), message, "the spec that it extends has none either")
     else:
+        hint = None
         if variants:
             hint = f"only its variants are tasks: {', '.join(variants)}"
-        else:
-            hint = None
         collector.add("E210", merged.document.span(("name",)), message, hint)
 
 

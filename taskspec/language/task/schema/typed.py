@@ -186,10 +186,9 @@ class ParameterEntry(Typed):
         problems = list(_typed_problems(self, self.type))
         wanted = {"int": int | str, "real": int | float | str, "bool": bool, "choice": str}[self.type]
         if not isinstance(self.default, wanted) or (isinstance(self.default, bool) and self.type != "bool"):
+            hint = None
             if self.type == "bool":
                 hint = "write `true` or `false`, without quotes"
-            else:
-                hint = None
             problems.append(
                 Problem("E213", ("default",), f"{values.kind(self.default)} is not of type {self.type}", hint)
             )

@@ -141,10 +141,9 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
         if better in WORDS:
             better += "_"
         usable = better != text and better and not name_problem(better)
+        hint = None
         if usable:
             hint = f"for example `{better}`"
-        else:
-            hint = None
         yield Problem("E205", path, trouble, hint, of_key=True)
 
 

@@ -107,7 +107,7 @@ class TrpoUpdate:
             return ~((gain >= 0) & (kl <= config.accepted_kl))
 
         k = jax.lax.while_loop(lambda k: (k < config.halvings) & refused(k), lambda k: k + 1.0, 0.0)
-        return whole(start + jnp.where(k < config.halvings, config.shrink**k, 0.0) * full)  # type: ignore[no-any-return]
+        return whole(start + jnp.where(k < config.halvings, config.shrink**k, 0.0) * full)
 
     def _fit(self, held: ActorCritic, rows: AnyArray, targets: AnyArray, key: AnyArray) -> tuple[Any, Any]:
         config = self.config

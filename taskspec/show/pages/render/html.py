@@ -167,10 +167,9 @@ def site(suite: Suite) -> dict[str, str]:
     }
     for i, page in enumerate(suite.pages):
         before = suite.pages[i - 1] if i else None
+        after = None
         if i + 1 < len(suite.pages):
             after = suite.pages[i + 1]
-        else:
-            after = None
         files[f"{page.anchor}.html"] = env.get_template("task.html").render(
             before=before, after=after, **_page(suite, page), **common
         )

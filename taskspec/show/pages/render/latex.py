@@ -112,10 +112,9 @@ class LatexWriter:
             return ""
         rows = [list(map(self.cell, row)) for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
+        lines = rows
         if any(found.header):
             lines = [heads, *rows]
-        else:
-            lines = rows
         body = r" \\ ".join(" & ".join(row) for row in lines)
         stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
@@ -176,10 +175,9 @@ class LatexWriter:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> str:
+        where = ""
         if cite.where:
             where = f"[{{{escape(cite.where)}}}]"
-        else:
-            where = ""
         if cite.key in self.known:
             return rf"\cite{where}{{{cite.key}}}"
         return escape(f"{cite.key}, {cite.where}" if cite.where else cite.key)
@@ -189,10 +187,9 @@ class LatexWriter:
             case p.Paragraph(content=content):
                 return self.prose(content)
             case p.Bullets(items=items, ordered=ordered):
+                kind = "itemize"
                 if ordered:
                     kind = "enumerate"
-                else:
-                    kind = "itemize"
                 inner = "\n".join(r"\item " + "\n\n".join(map(self.block, item)) for item in items)
                 return f"\\begin{{{kind}}}\n{inner}\n\\end{{{kind}}}"
             case _:

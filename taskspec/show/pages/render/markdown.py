@@ -112,10 +112,9 @@ class MarkdownWriter:
 
     def cite(self, cite: p.Cite) -> str:
         found = self.suite.cited.get(cite.key)
+        where = ""
         if cite.where:
             where = f", {escape(cite.where)}"
-        else:
-            where = ""
         if found is None:
             return escape(cite.key) + where
         return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
@@ -136,10 +135,9 @@ def escape_entities(text: str) -> str:
 
 def _code(text: str) -> str:
     ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
+    pad = ""
     if text.startswith("`") or text.endswith("`"):
         pad = " "
-    else:
-        pad = ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
 
 
