@@ -48,7 +48,7 @@ WALKS = [(task, lanes) for i, task in enumerate(TASKS) for lanes in LANES[i % 2 
 
 
 @pytest.mark.parametrize(
-    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 3),
+    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 5),
     ids=lambda x: name_of(x) if isinstance(x, tuple) else x,
 )  # fmt: skip
 def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes: int, mode: str) -> None:
@@ -83,7 +83,7 @@ QUICK = [
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("backend", ["numba", "jax"])
-@pytest.mark.parametrize("task", sparse(QUICK, 2))
+@pytest.mark.parametrize("task", sparse(QUICK, 4))
 @pytest.mark.parametrize("lanes", [7, pytest.param(1200, marks=pytest.mark.slow, id="more-than-a-block")])
 def test_compiled_backends_on_some_tasks(lanes: int, task: str, backend: str, mode: str) -> None:
     pytest.importorskip(backend)

@@ -174,4 +174,4 @@ def drawn_type(dist: Dist, sample: Mapping[str, Any], shape: tuple[int, ...]) ->
 @pytest.mark.parametrize("fixed", [True, False], ids=["constant", "read"])
 def test_samples_of_distributions_agree(fixed: bool, backend: str) -> None:
     pytest.importorskip(backend)
-    Agreement(task_of(every_sample(fixed)), backend, 7, "SameStep").run(25)
+    Agreement(task_of(every_sample(fixed)), backend, 7, "SameStep").run(12)

@@ -157,7 +157,7 @@ def test_every_name_in_every_place(first: int) -> None:
     compare(tuple((HOSTILE * 2)[first : first + len(NAMED)]))
 
 
-@for_each("text", CODE)
+@for_each("text", CODE[::2])
 def test_every_text_in_every_place(text: str) -> None:
     compare(PLAIN, (text, text * 2, f"{text} ", f"x{text}"), (text, text, text))
 
@@ -198,7 +198,7 @@ USED = {
 def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:
     """In the sources of all specs of the repository."""
     seen = 0
-    for content in corpus.seeds()[::24]:
+    for content in corpus.seeds()[::48]:
         try:
             task = build(read_text(content.decode(), "spec.yaml"))
             found = dict(sources(task))
@@ -214,4 +214,4 @@ def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:
             imported = {n.module for n in nodes if isinstance(n, ast.ImportFrom)}
             assert all(module == "math" or str(module).startswith("taskspec.programs.numba.") for module in imported)
             assert {a.name for n in nodes if isinstance(n, ast.Import) for a in n.names} <= {"numpy"}
-    assert seen > 5
+    assert seen > 3

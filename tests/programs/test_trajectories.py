@@ -92,10 +92,10 @@ def walk_together(env: Any, seed: int, steps: int) -> None:
 
 @for_each("case", EVERY)
 def test_defaults(case: tuple[str, str | None]) -> None:
-    walk_together(taskspec.make(load(case)), 2**63 + 12_345, 60)
+    walk_together(taskspec.make(load(case)), 2**63 + 12_345, 30)
 
 
-@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 3), ids=name)
+@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 6), ids=name)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:

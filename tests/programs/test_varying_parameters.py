@@ -12,6 +12,7 @@ from taskspec import SpecError, load
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sparse import sparse
 
 jax = pytest.importorskip("jax")
 import jax.numpy as jnp  # noqa: E402
@@ -121,7 +122,7 @@ def test_without_params_a_program_has_those_of_its_task() -> None:
     assert float(functions.step(state, 1)[2]) == float(fixed.step(other, 1)[2])
 
 
-@pytest.mark.parametrize("one_hot", [False, True])
+@pytest.mark.parametrize("one_hot", sparse([True, False], 2))
 def test_gymnax_takes_parameters(one_hot: bool) -> None:
     task = build(read_text(SLIPPERY.replace(", p: slip", "")))
     env = Functional(task, varying=["scale", "slip"]).gymnax(one_hot=one_hot)

@@ -111,7 +111,7 @@ def test_no_share_is_nan() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_all_backends_draw_alike(backend: str) -> None:
     pytest.importorskip(backend)
-    Agreement(shares_task(), backend, 16, "SameStep").run(40)
+    Agreement(shares_task(), backend, 16, "SameStep").run(15)
 
 
 def test_the_mean_is_exact() -> None:

@@ -109,4 +109,4 @@ def test_parts_are_those_of_numpy() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_backends_agree(backend: Any) -> None:
     pytest.importorskip(backend)
-    Agreement(matrices(), backend, 4, "SameStep", one=ReferenceEnv).run(40)
+    Agreement(matrices(), backend, 4, "SameStep", one=ReferenceEnv).run(15)

@@ -296,7 +296,7 @@ ONCE = ("hidden", "horizon")
 
 
 @pytest.mark.parametrize("times", [1, 2])
-@pytest.mark.parametrize("name", sparse(MODIFIERS, 2))
+@pytest.mark.parametrize("name", sparse(MODIFIERS, 4))
 def test_names_that_a_modifier_makes_are_new_whatever_a_spec_calls_its_own(name: str, times: int) -> None:
     """Specs whose names are those that the modifier would choose, at each place of the spec in turn."""
     first = [p.lower() for p in PLACES]

@@ -468,7 +468,7 @@ def test_right_learners_are_not_flagged_on_fresh_seeds_though_their_scores_vary(
 
     noisy.learns_from = ("reward",)
     found = [
-        examine(noisy, tasks=["EarlyTermPos", "RiskyPath"], seeds=range(i, i + 5), twins=1) for i in range(0, 60, 5)
+        examine(noisy, tasks=["EarlyTermPos", "RiskyPath"], seeds=range(i, i + 5), twins=1) for i in range(0, 40, 5)
     ]
     assert sum(bool(exam["flags"]) for exam in found) <= 1
 

@@ -199,7 +199,7 @@ def test_a_learner_that_no_finding_is_about_is_refused() -> None:
     assert "no finding is about a learner 'gail'" in str(error.value)
 
 
-@pytest.mark.parametrize("is_compressed", [False, True])
+@pytest.mark.parametrize("is_compressed", sparse([True, False], 2))
 def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path, is_compressed: bool) -> None:
     for name, each in results({k: v for k, v in learners().items() if k in ("gail_im", "gail_sb")}).items():
         folder = tmp_path / "paper" / name

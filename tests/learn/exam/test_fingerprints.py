@@ -111,10 +111,10 @@ SLOW = ("least action", "action before", "reward discounted")
 """Mistakes whose learners need more steps until their values settle."""
 
 
-@pytest.mark.parametrize("mistake", sparse(SAMPLED, 8))
+@pytest.mark.parametrize("mistake", sparse(SAMPLED, 15))
 def test_a_sampled_learner_is_named_by_its_values(mistake: str) -> None:
     steps = 60_000 if mistake in SLOW else 25_000
-    tables = [(task, learned_q(task, mistake, seed, steps)) for task in TASKS for seed in range(11, 16)]
+    tables = [(task, learned_q(task, mistake, seed, steps)) for task in TASKS for seed in range(11, 14)]
     assert explained(tables) in ([mistake], *ALIKE.get(mistake, ()))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from taskspec import oracle
 from taskspec.exact import score
 from taskspec.learn.learners import learner
 from tests.shared.cases import Granted
+from tests.shared.sparse import sparse
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
@@ -26,6 +28,7 @@ TASK = "derail/EarlyTermPos-v0"  # whose episodes are of unequal length
 AVERAGES: dict[str, Any] = {"episode": "sequence", "step": "token", "sum": 1}
 
 
+@cache
 def played(number: int) -> tuple[World, Any, Any, groups.GroupEpisodes]:
     """Two policies, and episodes of the first in pairs."""
     world = World.of(taskspec.load(TASK), absorb=False)
@@ -98,9 +101,9 @@ def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
     assert float(actual) == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.parametrize(("name", "task"), [
-    ("rloo", "RiskyPath"), ("grpo", "RiskyPath"), ("paper/grpo", "EarlyTermNeg"), ("dpo", "EarlyTermNeg"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "task"), sparse([("grpo", "RiskyPath"), ("rloo", "RiskyPath"), ("dpo", "EarlyTermNeg")], 2)
+)
 def test_they_learn(name: str, task: str) -> None:
     granted = Granted(task, 60_000, seeds=2)
     for policy in learner(name)(granted):

@@ -107,7 +107,7 @@ def drawn(task: Task) -> Scene | None:
     return graph(task, Overlay())
 
 
-@for_each("case", CASES[::2])
+@for_each("case", CASES[::4])
 def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -> None:
     task = machine(*case)
     found = drawn(task)

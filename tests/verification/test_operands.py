@@ -111,7 +111,7 @@ def chunks(held: list[Held], size: int) -> list[list[Held]]:
 
 
 @pytest.mark.parametrize("some", [2, pytest.param(None, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("form", sparse(FORMS, 4))
+@pytest.mark.parametrize("form", sparse(FORMS, 8))
 def test_operands_of_all_kinds_on_python_and_numpy(form: str, some: int | None) -> None:
     texts = expressions(FORMS[form], ORIGINS, SHAPES)
     wanted = texts if some is None else texts[:: 1 + len(texts) // some]
