@@ -112,9 +112,9 @@ def curves(found: Scene) -> list[list[tuple[float, float]]]:
 @pytest.mark.parametrize("figure", ["{kind: series}", "{kind: series, values: '[x, v]'}"])
 def test_a_film_of_a_series_grows_on_axes_that_stay(figure: str) -> None:
     one = task(SPRING, figure)
-    episode = {t: {"x": math.cos(t), "v": math.sin(t)} for t in range(13)}
+    episode = {t: {"x": math.cos(t), "v": math.sin(t)} for t in range(31)}
     frames = []
-    for now in range(13):
+    for now in range(31):
         found = scene(one, Overlay(here=episode[now], seen={t: s for t, s in episode.items() if t <= now}))
         assert found is not None and overlapping(found) == outside(found) == []
         frames.append(found)
@@ -126,7 +126,7 @@ def test_a_film_of_a_series_grows_on_axes_that_stay(figure: str) -> None:
         assert [y for _, y in whole] == pytest.approx(
             [whole[0][1] + 0.5 * (episode[0][name] - s[name]) for s in episode.values()]
         )
-        assert [b[0] - a[0] for a, b in itertools.pairwise(whole)] == pytest.approx([5 / 12] * 12)
+        assert [b[0] - a[0] for a, b in itertools.pairwise(whole)] == pytest.approx([5 / 30] * 30)
         assert all(curves(found)[panel] == whole[: now + 1] for now, found in enumerate(frames))
 
 
