@@ -50,6 +50,7 @@ html_math_renderer = "mathml"
 html_show_sphinx = html_show_sourcelink = html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css", "gallery.css"]
+html_js_files = ["site.js"]
 
 SHOWN = {
     "reference/contributing": "CONTRIBUTING.md",

@@ -83,7 +83,12 @@ class _Evaluated:
                 if first is not None:
                     tensor = tensor.to(first.device)
                 tensors.append(tensor)
-            output = self.network(*tensors)
+            try:
+                output = self.network(*tensors)
+            except RuntimeError as error:
+                given = ", ".join(f"{np.shape(argument)} {np.asarray(argument).dtype}" for argument in arguments)
+                hint = "a function of one observation, or an object with `probabilities(observations)`, can encode them first"
+                misused(f"the network refuses observations as the environment gives them, {given}: {error}", hint)
         if not hasattr(output, "detach"):
             hint = "wrap it in a function of one observation that gives the action"
             misused(f"a network that is a policy gives one tensor, not {type(output).__name__}", hint)

@@ -151,8 +151,14 @@ def examine(
             most = max(trials.granted(task) for task in asked.values())
             check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
         measured = trials.measured(asked)
-        if announce is not None and workers is not None and within is None:
+        is_tried = within is not None
+        if announce is not None and workers is not None and not is_tried:
             announce(trials.estimate(list(asked.values()), numbers, workers.count))
+            is_tried = True
+        if is_tried and not trials.has_scores:  # the report says why, without more runs
+            numbers = numbers[:1]
+            trials.twins = 0
+            trials.peeks = False
         found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
         declared = getattr(who.train, "obeys", ())
         laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
@@ -200,9 +206,10 @@ def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, 
 
 
 def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | None) -> int:
-    def pilot(steps: int) -> None:
+    def pilot(steps: int) -> bool:
         trials.steps = steps
         trials.run(trials.plan(asked, (0,), 0, False))
+        return trials.has_scores
 
     runs = 1.0 + trials.twins + trials.peeks * PEEK_SEEDS / SEEDS
     most = steps or max(trials.granted(task) for task in asked)
@@ -276,6 +283,8 @@ class _Trials:
     steps: int | None
     workers: Workers | None = None
     kept: Path | None = None
+    has_scores: bool = False
+    """Whether a training run succeeded."""
 
     def granted(self, task: Task) -> int:
         """Return the steps of a training run on a task."""
@@ -338,7 +347,14 @@ class _Trials:
     def run(self, plan: Sequence[Planned]) -> list[list[Row]]:
         """Return rows for each line of the plan; those of a learner that failed have an `error` alone."""
         if self.who.place is None:
-            return [_trained_here(planned, self.who) for planned in plan]
+            rows = [_trained_here(planned, self.who) for planned in plan]
+        else:
+            rows = self._trained_apart(plan)
+        self.has_scores = self.has_scores or any("deterministic" in row for block in rows for row in block)
+        return rows
+
+    def _trained_apart(self, plan: Sequence[Planned]) -> list[list[Row]]:
+        """Return rows of training runs in other processes."""
         keys = [planned.trial.key for planned in plan]
         jobs = []
         for key, planned in zip(keys, plan, strict=True):

@@ -308,13 +308,14 @@ SEEDS = 15
 
 
 def seeds_and_steps(
-    seconds: float, pilot: Callable[[int], None], runs: float, most: int, is_fixed: bool
+    seconds: float, pilot: Callable[[int], bool], runs: float, most: int, is_fixed: bool
 ) -> tuple[int, int]:
     """Return how many seeds of how many steps an exam has time for.
 
     Args:
         seconds: for the whole exam, the two trials included.
-        pilot: trains one seed on every task for so many steps.
+        pilot: trains one seed on every task for so many steps; false where no run succeeds, so that one seed of the first
+            trial is all.
         runs: how often each seed is trained on every task, twins included.
         most: the most steps.
         is_fixed: whether there are `most` steps, not fewer.
@@ -326,7 +327,8 @@ def seeds_and_steps(
     took = []
     for steps in PILOTS:
         before = time.perf_counter()
-        pilot(min(steps, most))
+        if not pilot(min(steps, most)):
+            return 1, min(steps, most)
         took.append(time.perf_counter() - before)
     left = seconds - (time.perf_counter() - begin)
     per_step = max(0.0, (took[1] - took[0]) / (PILOTS[1] - PILOTS[0]))

@@ -12,6 +12,7 @@ from typing import Any
 from taskspec.base.display import visible
 from taskspec.base.extras import need
 from taskspec.base.files import safe_name
+from taskspec.language import registry
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.show.pages import facts as scores
@@ -70,19 +71,34 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     settings = tuple(_settings(task, columns, facts is not None))
     facts = facts or Facts()
     shown = _with_settings(task, facts, settings)
-    changed = [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
-    if task.modifiers:
-        changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
-    make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
-    origin = task.source.document.origin
+    source_text = task.source.document.origin.text
+    source_name = task.source.document.origin.name.replace("\\", "/").rsplit("/")[-1]
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
-        description=blocks(task.spec.description), make=visible(make, keep=""), sections=shown,
+        description=blocks(task.spec.description), make=visible(_call(task, source_name), keep=""), sections=shown,
         sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
-        source_text=origin.text, source_name=origin.name.replace("\\", "/").rsplit("/")[-1],
+        source_text=source_text, source_name=source_name,
         task=task, facts=facts, settings=settings,
     )  # fmt: skip
+
+
+def _call(task: Task, source_name: str) -> str:
+    """Return the call that makes the environment: by its id where that is known, else by its file."""
+    if task.id in registry.known() or not source_name.endswith((".yaml", ".yml")):
+        arguments = [_quoted(f"taskspec:{task.id}")]
+    else:
+        arguments = [_quoted("taskspec:taskspec/Spec-v0"), f"path={_quoted(source_name)}"]
+        if task.source.variant is not None:
+            arguments.append(f"variant={_quoted(task.source.variant)}")
+    arguments += [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
+    if task.modifiers:
+        arguments.append(f"modifiers={list(map(str, task.modifiers))!r}")
+    return f"gymnasium.make({', '.join(arguments)})"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
 
 
 _WORD_ENDS = re.compile(r"(?<=[a-z])(?=[A-Z]|\d+[A-Z](?![a-z]))|(?<=\d)(?=[A-Z][a-z])")

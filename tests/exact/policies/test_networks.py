@@ -60,8 +60,13 @@ def test_what_is_no_action_is_refused(torch: None) -> None:
         def __call__(self, seen: Any) -> Any:
             return super().__call__(seen), Tensor(0.0)
 
+    class OneHot(Module):
+        def __call__(self, seen: Any) -> Any:
+            raise RuntimeError("mat1 and mat2 must have the same dtype, but got Long and Float")
+
     for policy, words in (
         (Pair(np.eye(3)[:, :2]), "one tensor, not tuple"),
+        (OneHot(np.eye(3)), r"refuses observations as the environment gives them, \(1,\) int64: mat1"),
         (lambda seen: np.array([0.1, 0.9]), "the policy gave 2"),
     ):
         with pytest.raises(SpecError, match=words):

@@ -277,3 +277,14 @@ def wait_until(holds: Callable[[], bool]) -> None:
             return
         time.sleep(0.2)
     raise AssertionError("it never came true")
+
+
+@pytest.mark.parametrize("options", [("--seeds", "5", "--steps", "100"), ("--within", "60s")])
+def test_an_exam_ends_after_one_run_of_each_task_where_all_of_them_fail(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    (tmp_path / "wrong.py").write_text("def train(case):\n    raise RuntimeError('a bug')\n")
+    status, found = held(tmp_path / "out", f"{tmp_path}/wrong.py:train", "--tasks", "RiskyPath,Slip", *options)
+    assert status == 1
+    assert [(score["seed"], score["twin"]) for score in found["scores"]] == [(0, None)] * 2
+    assert all("a bug" in flag["message"] for flag in found["flags"] if flag["kind"] == "failed")

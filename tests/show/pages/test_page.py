@@ -6,7 +6,9 @@ import math
 import re
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -299,6 +301,17 @@ def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
 
 def test_make_line_names_what_differs_from_the_defaults() -> None:
     assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("taskspec:derail/Branching-v0", L=4)'
+
+
+def test_make_line_of_a_spec_that_is_not_registered_runs_beside_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (ROOT / "tests/specs/values/coin_walk.yaml").read_text(encoding="utf-8")
+    (tmp_path / "walk.yaml").write_text(f"{text}variants:\n  short: {{horizon: 3}}\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    task = registry.load("walk.yaml", "short")
+    made: Any = eval(page(task).make, {"gymnasium": gymnasium})
+    assert made.unwrapped.task.content_hash == task.content_hash
 
 
 @given(
