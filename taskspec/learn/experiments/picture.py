@@ -69,7 +69,8 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
         drawn.suptitle(title)
         for i, panel in enumerate(panels):
             axes = drawn.add_subplot(down, across, i + 1)
-            axes.set_title(panel.title)
+            if panel.title != title:
+                axes.set_title(panel.title)
             if panel.y is None:
                 _curves(axes, panel, experiment)
             else:

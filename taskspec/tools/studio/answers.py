@@ -225,7 +225,7 @@ def sweep(asked: Question) -> dict[str, Any]:
             left.append(value)
     shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
     plot = {"x": name, "show": sorted(shown, key=RETURNS.index)}
-    about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
+    about = Experiment(experiment=1, name=task.name, title=task.id, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
     numbers = [key + end for key in RETURNS for end in ("", "_half")]
     return {
         "parameter": name, "chart": chart.svg(figure(about, rows)) if shown and chart.is_available() else None, "left": left,

@@ -246,11 +246,12 @@ def test_everything_is_reached_by_keyboard(studio: Page) -> None:
     expect(page.locator("#panel-Values")).to_be_visible()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize(("theme", "width"), [("light", 1280), ("dark", 390)])
 @pytest.mark.skipif(AXE is None, reason="axe-core is not installed: npm install in docs/tools/studio")
-def test_axe_finds_nothing(browser: Any, tasks: Served, theme: str) -> None:
+def test_axe_finds_nothing(browser: Any, tasks: Served, theme: str, width: int) -> None:
     assert AXE is not None
-    studio = Page(browser, tasks, color_scheme=theme, reduced_motion="reduce")
+    size = {"width": width, "height": 800}
+    studio = Page(browser, tasks, color_scheme=theme, reduced_motion="reduce", viewport=size)
     found = {}
 
     def examine(what: str) -> None:

@@ -77,7 +77,7 @@ class MarkdownWriter:
     def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
         if line.verbatim is not None:
-            text += " " + ", ".join(map(_code, line.verbatim.splitlines()))
+            text += _drawn(line.verbatim)
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
                 text += f" ({escape(setting.title)}: {self.prose(values)})"
@@ -133,12 +133,22 @@ def escape_entities(text: str) -> str:
     return " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
 
 
+def _drawn(text: str) -> str:
+    """Return lines as a block of code within the inner list of a page."""
+    fence = "`" * max(3, _longest_ticks(text) + 1)
+    return "\n" + "".join(f"\n    {line}" for line in (f"{fence}text", *text.splitlines(), fence))
+
+
 def _code(text: str) -> str:
-    ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
+    ticks = "`" * (_longest_ticks(text) + 1)
     pad = ""
     if text.startswith("`") or text.endswith("`"):
         pad = " "
     return f"{ticks}{pad}{text}{pad}{ticks}"
+
+
+def _longest_ticks(text: str) -> int:
+    return max(map(len, re.findall("`+", text)), default=0)
 
 
 def formula(math: m.Math) -> str:

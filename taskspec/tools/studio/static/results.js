@@ -2,8 +2,10 @@
 
 import { Part, make, quiet } from "./dom.js";
 
-const NONE = "This folder holds no results yet. `taskspec exam FILE.py:train -o exam`, run in it, examines a learner, " +
-  "and `taskspec sweep FILE.yaml -o sweep` runs an experiment; cards and plots are shown here.";
+const NONE = [
+  "This folder holds no results yet. ", make("code", {}, "taskspec exam FILE.py:train -o exam"), ", run in it, examines a learner, and ",
+  make("code", {}, "taskspec sweep FILE.yaml -o sweep"), " runs an experiment; cards and plots are shown here.",
+];
 
 /** Return a result in a frame or an image of its own, which is loaded once it is open: nothing of a file may run here. */
 function card({ title, path, html, svg }) {
@@ -26,7 +28,7 @@ export class ResultsTab {
 
   show() {
     this.part.follow(this.studio.live.ask("results"), ({ results, more }) => {
-      if (results.length === 0) return [quiet(NONE)];
+      if (results.length === 0) return [quiet(...NONE)];
       const cards = results.map(card);
       cards[0].open = true;
       return more ? [...cards, quiet(`${more} more`)] : cards;
