@@ -65,11 +65,10 @@ def sweep(
 
     wanted = options.checked_choices("--format", format or chart.possible(["json", "csv", "svg"]), FORMATS)
     written = experiments.read(experiment)
-    found = experiments.expand(written, settings(parameters) if parameters else ())
-    found.raise_if_wrong()
     name = safe_name(written.experiment.name)
     running = Running(jobs, cluster, time_limit, retry)
     with progress(written.experiment.name):
+        found = experiments.expand(written, settings(parameters) if parameters else ())
         swept = experiments.sweep(written, output / f"{name}.sqlite", expanded=found, running=running)
     files = [output / f"{name}.{kind}" for kind in wanted]
     for kind, path in zip(wanted, files, strict=True):

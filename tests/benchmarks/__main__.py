@@ -1,4 +1,4 @@
-"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|accelerator|learners|exact|first|studio|compare]`."""
+"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|accelerator|learners|exact|jobs|first|studio|compare]`."""
 
 from __future__ import annotations
 
@@ -148,6 +148,13 @@ def exact(
     _end(benchmark.bench(rounds, json), strict)
 
 
+def jobs(strict: Strict = False) -> None:
+    """What a job of a sweep costs beside its work, and how long and how much memory it takes to plan many."""
+    from tests.benchmarks import jobs as benchmark
+
+    _end(benchmark.bench(), strict)
+
+
 def first(
     rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of processes of each program.")] = 40,
     strict: Strict = False,
@@ -184,7 +191,7 @@ def compare(context: typer.Context) -> None:
 app = typer.Typer(
     no_args_is_help=True, help=flowed(HELP), cls=Commands, pretty_exceptions_enable=False, add_completion=False
 )
-for _function in (seals, vector, accelerator, learners, exact, first, studio):
+for _function in (seals, vector, accelerator, learners, exact, jobs, first, studio):
     app.command(help=flowed(_function.__doc__ or ""))(_function)
 _FORWARDED = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 app.command(help=compare.__doc__, context_settings=_FORWARDED)(compare)

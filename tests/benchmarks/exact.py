@@ -273,10 +273,10 @@ def _run(solver: Solver, grid: Grid, apart: bool) -> Timing | None:
         found = pool.submit(solver, grid).result()
         if found is None:
             return None
-        return replace(found, memory=pool.submit(_memory).result())
+        return replace(found, memory=pool.submit(memory).result())
 
 
-def _memory() -> int | None:
+def memory() -> int | None:
     """The largest number of bytes that this process has had in memory, where the system says so."""
     path = Path("/proc/self/status")
     if not path.exists():

@@ -126,6 +126,7 @@ class Workers:
         self._workers: list[_Worker] = []
         self._free: LifoQueue[_Worker] = LifoQueue()
         self._waiting: list[_Call] = []
+        self._unfinished = 0
         self._choosing = threading.Lock()
 
     def __enter__(self) -> Workers:
@@ -142,13 +143,14 @@ class Workers:
         self, call: bytes, seconds: float | None, limits_itself: bool = False, group: str = ""
     ) -> Future[Ending]:
         """Do a packed call as soon as a process is free; arguments are those of a `Job`."""
-        if len(self._workers) < self.count:
-            worker = _Worker(Path(self._scratch.name), len(self._workers))
-            self._workers.append(worker)
-            self._free.put(worker)
         waiting = _Call(call, seconds, limits_itself, group)
         with self._choosing:
             self._waiting.append(waiting)
+            self._unfinished += 1
+            if len(self._workers) < min(self.count, self._unfinished):
+                worker = _Worker(Path(self._scratch.name), len(self._workers))
+                self._workers.append(worker)
+                self._free.put(worker)
         self._threads.submit(self._attempt_one)
         return waiting.ending
 
@@ -157,10 +159,16 @@ class Workers:
         worker.wait()  # its time limit begins with the call, and more calls to choose from have come
         call = self._choose(worker)
         try:
-            call.ending.set_result(worker.attempt(call))
+            call.ending.set_result(self._attempted(worker, call))
         except BaseException as error:
             call.ending.set_exception(error)
+
+    def _attempted(self, worker: _Worker, call: _Call) -> Ending:
+        try:
+            return worker.attempt(call)
         finally:
+            with self._choosing:
+                self._unfinished -= 1
             self._free.put(worker)
 
     def _choose(self, worker: _Worker) -> _Call:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ from taskspec.base.limits import tell
 
 DEATHS = 2
 """Processes that a job may kill before it is left alone."""
+WAITING = 2000
+"""Jobs that are at hand at a time, to choose from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +89,29 @@ def run(
         Interrupted: Ctrl-C.
     """
     wanted = {job.key: job for job in jobs}
-    with store.writing():
-        known = store.results(wanted)
-        again = {key: row.attempts for key, row in known.items() if running.retry and row.status != "done"}
-        todo = [job for key, job in wanted.items() if key not in known or key in again]
-        statuses = Counter(row.status for key, row in known.items() if key not in again)
-        this = _Run(store, running.seconds, name, len(wanted), statuses, Counter(again), printed)
-        this.report()
-        if todo:
-            with _engine(running, workers) as engine:
-                this.do(todo, engine)
-                while this.suspects:
-                    this.do([this.suspects.pop(0)], engine)
+    run_many(wanted.values(), len(wanted), store, running, name, workers, printed)
     return store.results(wanted)
+
+
+def run_many(
+    jobs: Iterable[Job], total: int, store: Store, running: Running = DEFAULT, name: str = "jobs",
+    workers: Workers | None = None, printed: Path | None = None,
+) -> None:  # fmt: skip
+    """Do as `run` does with more jobs than the memory holds: they are taken when they are needed, and results stay in the store.
+
+    Args:
+        total: the number of jobs.
+    """
+    with store.writing():
+        this = _Run(store, running, name, total, printed)
+        todo = this.without_result(jobs)
+        first = next(todo, None)
+        this.report()
+        if first is not None:
+            with _engine(running, workers) as engine:
+                this.do(itertools.chain([first], todo), engine)
+                while this.suspects:
+                    this.do(iter([this.suspects.pop(0)]), engine)
 
 
 def _invalid(message: str, hint: str) -> SpecError:
@@ -108,28 +121,48 @@ def _invalid(message: str, hint: str) -> SpecError:
 @dataclass
 class _Run:
     store: Store
-    seconds: float | None
+    running: Running
     name: str
     total: int
-    statuses: Counter[Status]
-    attempts: Counter[str]
     printed: Path | None
+    statuses: Counter[Status] = field(default_factory=Counter)
+    attempts: dict[str, int] = field(default_factory=dict)
     deaths: Counter[str] = field(default_factory=Counter)
     suspects: list[Job] = field(default_factory=list)
 
-    def do(self, jobs: list[Job], engine: Workers | Cluster) -> None:
+    def without_result(self, jobs: Iterable[Job]) -> Iterator[Job]:
+        """Yield the jobs that are to be done, and count the others."""
+        jobs = iter(jobs)
+        while some := list(itertools.islice(jobs, WAITING)):
+            known = self.store.results(job.key for job in some)
+            for job in some:
+                row = known.get(job.key)
+                if job.key in self.attempts:
+                    self.total -= 1
+                elif row is None:
+                    self.attempts[job.key] = 0
+                    yield job
+                elif row.status != "done" and self.running.retry:
+                    self.attempts[job.key] = row.attempts
+                    yield job
+                else:
+                    self.statuses[row.status] += 1
+
+    def do(self, jobs: Iterator[Job], engine: Workers | Cluster) -> None:
         """Do jobs, many at a time."""
         waiting: dict[str, deque[Job]] = {}
-        for job in jobs:
-            waiting.setdefault(job.group, deque()).append(job)
         pending: dict[Future[Ending], Job] = {}
         try:
-            while waiting or pending:
+            while True:
+                for job in itertools.islice(jobs, WAITING - sum(map(len, waiting.values()))):
+                    waiting.setdefault(job.group, deque()).append(job)
+                if not waiting and not pending:
+                    break
                 while waiting and len(pending) < engine.capacity():
                     job = _taken(waiting, Counter(each.group for each in pending.values()))
                     self.attempts[job.key] += 1
                     call = pack(job.function, job.arguments)
-                    pending[engine.submit(call, self.seconds, job.limits_itself, job.group)] = job
+                    pending[engine.submit(call, self.running.seconds, job.limits_itself, job.group)] = job
                 wait(pending, HEARTBEAT, FIRST_COMPLETED)
                 self._harvest(pending, engine)
         except KeyboardInterrupt:
@@ -153,7 +186,7 @@ class _Run:
                 message = f"{ending.message} ({self.deaths[job.key]} times)"
                 ending = ending._replace(status="quarantined", message=message)
             assert ending.status != "died"
-            tried = self.attempts[job.key]
+            tried = self.attempts.pop(job.key)
             rows.append(
                 JobResult(job.key, job.name, ending.status, ending.result, ending.message, ending.seconds, tried)
             )

@@ -45,7 +45,7 @@ class LearnersExamined:
     exams: dict[str, Exam]
     folders: dict[str, Path]
     experiment: Experiment | None = None
-    instances: tuple[Instance, ...] = ()
+    instances: Sequence[Instance] = ()
     tasks: tuple[Task, ...] = ()
 
     @property

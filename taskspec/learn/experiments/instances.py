@@ -11,7 +11,8 @@ from typing import Any
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, spec_error
-from taskspec.base.limits import limits
+from taskspec.base.disk_list import DiskList
+from taskspec.base.limits import limits, tell
 from taskspec.exact.policies.adapters import policy_of
 from taskspec.exact.policies.files import is_function, place_of
 from taskspec.language import registry
@@ -117,12 +118,12 @@ class Instance:
 
 @dataclass(frozen=True)
 class Expanded:
-    """The instances of an experiment, and what is wrong with what it gives.
+    """The instances of an experiment, on disk, and what is wrong with what it gives.
 
     `refused` are the problems of single instances: values that a parameter cannot have, or that may not go together.
     """
 
-    instances: tuple[Instance, ...]
+    instances: Sequence[Instance]
     diagnostics: tuple[Diagnostic, ...] = ()
     refused: tuple[Diagnostic, ...] = ()
 
@@ -151,14 +152,14 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     collector.extend(written.problems)
     check_questions(written, collector)
     names = dict[str, bool]()
-    found: dict[str, Instance] = {}
+    found = DiskList[Instance]()
     refused: list[Diagnostic] = []
     used: frozenset[str] = frozenset()
     is_known = True
     for i, entry in enumerate(written.experiment.tasks):
         one = _Entry(written, i, entry, collector, instead)
         for instance in one.instances():
-            found.setdefault(instance.id, instance)
+            found.add(instance.id, instance)
         refused += one.refused
         used |= one.replaced
         for name in one.names:
@@ -169,7 +170,7 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
             collector.add("E702", None, f"no task of the experiment has a parameter '{name}'")
     if is_known:
         check_axes(written, names, collector, may_be_fixed=bool(instead))
-    return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
+    return Expanded(found, collector.diagnostics, tuple(refused))
 
 
 class _Entry:
@@ -221,10 +222,13 @@ class _Entry:
         if many > limits().instances:
             self._report(too_many(many), ())
             return
+        names = [name for axis in axes for name in axis.names]
+        planned = 0
         for chosen in self._settings(axes):
-            names = [name for axis in axes for name in axis.names]
             given = dict(zip(names, itertools.chain.from_iterable(chosen), strict=True))
             for over in itertools.product(*laid):
+                tell(f"planning instance {planned:,} of {many:,}", planned / many)
+                planned += 1
                 instance = self._instance(source, known, given, varied, over)
                 if is_wrong:  # the first shows what is wrong with expressions, too
                     return

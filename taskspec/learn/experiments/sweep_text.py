@@ -11,18 +11,21 @@ from taskspec.learn.experiments.sweeping import Measured
 
 MEASURES = ("solution_length", "best_at_random")
 """Measures in the table, where the experiment names none; files have all."""
+MOST = 1000
+"""Instances of which the table has a row; files have all."""
 
 
 def measured_table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Columns:
-    """Return a row for each instance: sizes, returns, measures, roll-outs."""
+    """Return a row for each instance, the first `MOST`: sizes, returns, measures, roll-outs."""
+    shown = rows[:MOST]
     if measures is None:
         measures = MEASURES
     chosen = [name for name in measures if name not in ("states", "actions")]
-    policies = dict.fromkeys(name for row in rows for name in row.policies)
+    policies = dict.fromkeys(name for row in shown for name in row.policies)
     headers = [name.replace("_", " ") for name in chosen] + [f"{name}, rolled out" for name in policies]
     numbers = range(1, 5 + len(headers))
     table = Columns("", "states", "optimal", "expert", "random", *headers, styles=("name",), right=numbers, names=0)
-    for row in rows:
+    for row in shown:
         if row.error is not None:
             table.add_row(row.instance.id, VisibleText(row.status.replace("_", " "), style="bad"))
             continue
@@ -34,6 +37,8 @@ def measured_table(rows: Sequence[Measured], measures: Sequence[str] | None) -> 
             means = row.policies.get(name, {})
             cells.append(_number(means.get("mean"), means.get("half")))
         table.add_row(row.instance.id, *cells)
+    if len(rows) > MOST:
+        table.add_row(f"and {len(rows) - MOST:,} more")
     return table
 
 

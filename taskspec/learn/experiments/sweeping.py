@@ -5,20 +5,20 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from taskspec.base import __version__, limits
+from taskspec.base.disk_list import CHUNK
 from taskspec.base.display import json_data
-from taskspec.base.files import whole, write_text
+from taskspec.base.files import whole
 from taskspec.base.jobs.code_hash import code_hash
-from taskspec.base.jobs.running import Running, run
+from taskspec.base.jobs.running import Running, run_many
 from taskspec.base.jobs.store import Job, JobResult, Store
 from taskspec.base.limits import also, tell
 from taskspec.envs.data.datasets import write_table
@@ -170,36 +170,43 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def table(rows: Sequence[Measured]) -> tuple[list[str], list[list[Any]]]:
-    """Return names of columns, and the values of every row; None where a row has none."""
-    flat = [row.flat() for row in rows]
-    known = dict.fromkeys(name for each in flat for name in each)
+def columns(rows: Sequence[Measured]) -> list[str]:
+    """Return the names of the columns of `Measured.flat` that any row has: ids and parameters first."""
+    known = dict.fromkeys(name for row in rows for name in row.flat())
     first = [name for name in known if name in ("id", "task")]
     first += [name for name in known if name.startswith("parameters.")]
-    names = list(dict.fromkeys([*first, *known]))
-    return names, [[each.get(name) for name in names] for each in flat]
+    return list(dict.fromkeys([*first, *known]))
 
 
 def write_json(rows: Sequence[Measured], path: Path) -> None:
     """Write a list of one object for each instance."""
-    write_text(path, json.dumps(json_data([row.record() for row in rows]), indent=1) + "\n")
+    with whole(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        file.write("[")
+        before = "\n "
+        for row in rows:
+            text = json.dumps(json_data(row.record()), indent=1)
+            file.write(before + text.replace("\n", "\n "))
+            before = ",\n "
+        file.write("\n]\n")
 
 
 def write_csv(rows: Sequence[Measured], path: Path) -> None:
     """Write a line for each instance, under names of columns."""
-    names, values = table(rows)
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(values)
-    write_text(path, text.getvalue())
+    with whole(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, columns(rows), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row.flat() for row in rows)
 
 
 def write_parquet(rows: Sequence[Measured], path: Path) -> None:
     """Write the same columns in Parquet."""
-    names, values = table(rows)
+    values: dict[str, list[Any]] = {name: [] for name in columns(rows)}
+    for row in rows:
+        flat = row.flat()
+        for name, column in values.items():
+            column.append(flat.get(name))
     with whole(path) as unfinished:
-        write_table(unfinished, {name: _of_one_type([row[i] for row in values]) for i, name in enumerate(names)})
+        write_table(unfinished, {name: _of_one_type(column) for name, column in values.items()})
 
 
 def _of_one_type(values: Sequence[Any]) -> list[Any]:
@@ -218,12 +225,43 @@ WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}
 # Sweeps: every instance of an experiment measured, in parallel, and kept so that a sweep goes on where it was stopped.
 
 
+class MeasuredRows(Sequence[Measured]):
+    """What was measured, an entry for each instance, in order; it is read from the store when it is needed."""
+
+    def __init__(self, instances: Sequence[Instance], wanted: Questions, store: Path) -> None:
+        self._instances = instances
+        self._wanted = wanted
+        self._store = store
+
+    def __len__(self) -> int:
+        return len(self._instances)
+
+    def __iter__(self) -> Iterator[Measured]:
+        for start in range(0, len(self), CHUNK):
+            yield from self[start : start + CHUNK]
+
+    @overload
+    def __getitem__(self, index: int) -> Measured: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Measured]: ...
+    def __getitem__(self, index: int | slice) -> Measured | Sequence[Measured]:
+        if isinstance(index, int):
+            return self._read([self._instances[index]])[0]
+        return self._read(self._instances[index])
+
+    def _read(self, instances: Sequence[Instance]) -> list[Measured]:
+        keys = [key(i.content_hash, i.modifiers, self._wanted) for i in instances]
+        with Store(self._store) as kept:
+            results = kept.results(keys)
+            return [_row(i, results.get(name), kept) for i, name in zip(instances, keys, strict=True)]
+
+
 @dataclass(frozen=True)
 class Swept:
-    """Results of a sweep, an entry for each instance, in the order of the experiment."""
+    """Results of a sweep, an entry for each instance, in the order of the experiment, as long as its store is there."""
 
     experiment: Experiment
-    rows: tuple[Measured, ...]
+    rows: Sequence[Measured]
 
     @property
     def failed(self) -> tuple[Measured, ...]:
@@ -254,11 +292,11 @@ def sweep(
         found = expanded
     found.raise_if_wrong()
     wanted = wanted_of(written.experiment)
-    jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
+    total = sum(instance.problem is None for instance in found.instances)
+    jobs = jobs_of(found.instances, wanted)
     with Store(store) as kept:
-        done = run(jobs.values(), kept, running or Running(), written.experiment.name)
-        rows = tuple(_row(i, jobs.get(i.id), done, kept) for i in found.instances)
-    return Swept(written.experiment, rows)
+        run_many(jobs, total, kept, running or Running(), written.experiment.name)
+    return Swept(written.experiment, MeasuredRows(found.instances, wanted, store))
 
 
 def wanted_of(experiment: Experiment) -> Questions:
@@ -275,16 +313,20 @@ def wanted_of(experiment: Experiment) -> Questions:
     )  # fmt: skip
 
 
-def _job(instance: Instance, wanted: Questions) -> Job:
-    source = registry.load(instance.source, instance.variant).source
-    arguments = (packed(source.document), source.suite, instance, wanted)
-    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, arguments)
+def jobs_of(instances: Iterable[Instance], wanted: Questions) -> Iterator[Job]:
+    """Yield the job of each instance that there is."""
+    for instance in instances:
+        if instance.problem is None:
+            source = registry.load(instance.source, instance.variant).source
+            arguments = (packed(source.document), source.suite, instance, wanted)
+            yield Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, arguments)
 
 
-def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult], store: Store) -> Measured:
-    if job is None:
+def _row(instance: Instance, found: JobResult | None, store: Store) -> Measured:
+    if instance.problem is not None:
         return Measured(instance, "failed", error=instance.problem)
-    found = results[job.key]
+    if found is None:
+        return Measured(instance, "failed", error=f"{str(store.path)!r} has its result no more")
     if found.status != "done":
         return Measured(instance, found.status, error=found.message, seconds=found.seconds)
     if not isinstance(found.value, dict):

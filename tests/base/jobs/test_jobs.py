@@ -18,9 +18,11 @@ from typing import Any
 import pytest
 
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.disk_list import DiskList
 from taskspec.base.extras import is_installed
+from taskspec.base.jobs import running
 from taskspec.base.jobs.code_hash import code_hash
-from taskspec.base.jobs.engines import Workers
+from taskspec.base.jobs.engines import AHEAD, Workers
 from taskspec.base.jobs.running import Running, run
 from taskspec.base.jobs.store import Job, JobResult, Store
 from taskspec.base.limits import progress_listener
@@ -129,6 +131,33 @@ def test_what_fails_hangs_or_dies_is_named_while_the_rest_is_done(tmp_path: Path
         assert run(wanted, store, Running(2)) == rows
         again = run(wanted[:1], store, Running(1, retry=True))
         assert again["key of wrong"].attempts == 2
+
+
+def test_jobs_are_taken_when_they_are_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "WAITING", 5)
+    taken = 0
+    with Store(tmp_path / "store") as store:
+
+        def many() -> Iterator[Job]:
+            nonlocal taken
+            for job in jobs.squares(60):
+                assert taken - len(store.results()) <= 2 * 5 + AHEAD
+                taken += 1
+                yield job
+                yield job
+
+        running.run_many(many(), 120, store, Running(1))
+        assert [row.value["square"] for row in store.results().values()] == [x * x for x in range(60)]
+
+
+def test_a_list_on_disk_is_one_of_different_things() -> None:
+    plain = [{"number": number} for number in range(1234)]
+    kept = DiskList[dict[str, int]]()
+    for thing in (*plain, {"number": 7}):
+        kept.add(str(thing["number"]), thing)
+    assert list(kept) == plain and kept[-1] == plain[-1] and kept[5:600:3] == plain[5:600:3]
+    with pytest.raises(IndexError):
+        kept[1234]
 
 
 def test_a_limit_may_hold_for_a_part_of_a_job(tmp_path: Path) -> None:
