@@ -6,7 +6,8 @@ steps are local, values spread from the rewards like a wave, and states from whi
 cost nothing. And where only the values of first states are asked for, states that no episode has come to by some time have none
 then. A sweep with other rewards or probabilities computes all blocks, those included whose steps all end the episode.
 
-Threads share the blocks of a sweep.
+Where all steps have equally many outcomes, and few, their number is known to the compiler. Indices are unsigned, since Numba
+would look for negative ones. Threads share the blocks of a sweep.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ BLOCK = 128
 """States of a block."""
 SHARED = 100_000
 """Non-zeros of a sweep from which threads share it."""
+FEW = 4
+"""Outcomes of a step for which sweeps are compiled apart."""
 
 
 def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> Bound:
@@ -47,6 +50,7 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
     spare = np.zeros(model.n_states)
     before: Step | None = None
     ahead = (np.zeros(0, np.int64), np.zeros(0, np.int32))
+    outcomes: tuple[int, ...] = ()
     changed = np.ones(count, np.bool_)
     threads = config.NUMBA_NUM_THREADS
     with ThreadPoolExecutor(threads) as pool:
@@ -58,15 +62,16 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
                 active = _active(*ahead, changed)
             else:
                 ahead = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
+                outcomes = _outcomes(P.indptr)
                 changed = np.ones(count, np.bool_)
                 active = changed
             needed = opened <= t
             active = active & needed
-            blocks = np.flatnonzero((active | changed) & needed)
+            blocks = np.flatnonzero((active | changed) & needed).astype(np.uint64)
             value = bound.value
             after = np.zeros(count, np.bool_)
             rows = (P.indptr, P.indices, P.data)
-            sweep = partial(_sweep, rows, step.R, active, value, spare, after, (model.discount, sign))
+            sweep = partial(_sweep, rows, outcomes, step.R, active, value, spare, after, (model.discount, sign))
             parts = [blocks]
             if np.count_nonzero(active) * (P.nnz / count) > SHARED:
                 parts = np.array_split(blocks, 4 * threads)
@@ -78,6 +83,14 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
             spare = value
             before = step
     return bound
+
+
+def _outcomes(indptr: Array) -> tuple[int, ...]:
+    """Return a tuple as long as there are outcomes of each step; an empty one where steps differ, or have many."""
+    counts = np.diff(indptr)
+    if counts[0] <= FEW and (counts == counts[0]).all():
+        return (0,) * int(counts[0])
+    return ()
 
 
 @njit(cache=True)
@@ -116,7 +129,7 @@ def _active(first: Array, successors: Array, changed: Array) -> Array:
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _sweep(
-    rows: tuple[Array, ...], reward: Array, active: Array, value: Array, out: Array, after: Array,
+    rows: tuple[Array, ...], outcomes: tuple[int, ...], reward: Array, active: Array, value: Array, out: Array, after: Array,
     constants: tuple[float, ...], blocks: Array,
 ) -> None:  # fmt: skip
     """Write the values of some blocks one step before into `out`, and into `after` whether they differ from `value`.
@@ -125,20 +138,29 @@ def _sweep(
     """
     indptr, columns, weights = rows
     discount, sign = constants
-    states = len(out)
+    states = np.uint64(len(out))
+    actions = np.uint64(len(reward)) // states
+    count = np.uint64(len(outcomes))
+    size = np.uint64(BLOCK)
     for b in blocks:
-        start = b * BLOCK
-        end = min(states, start + BLOCK)
+        start = b * size
+        end = min(states, start + size)
         if not active[b]:
             out[start:end] = value[start:end]
             continue
         is_new = False
         for s in range(start, end):
             best = -np.inf
-            for a in range(len(reward) // states):
+            for a in range(actions):
                 row = a * states + s
+                if count:
+                    first = row * count
+                    last = first + count
+                else:
+                    first = np.uint64(indptr[row])
+                    last = np.uint64(indptr[row + np.uint64(1)])
                 ahead = 0.0
-                for k in range(indptr[row], indptr[row + 1]):
+                for k in range(first, last):
                     ahead += weights[k] * value[columns[k]]
                 best = max(best, sign * (reward[row] + discount * ahead))
             out[s] = sign * best
