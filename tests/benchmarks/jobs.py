@@ -1,4 +1,4 @@
-"""What a sweep costs beside its instances: seconds of a job that does nothing, and seconds and memory to plan many."""
+"""The cost of a sweep beside its instances: seconds of a job that does nothing, and seconds and memory to plan many."""
 
 from __future__ import annotations
 

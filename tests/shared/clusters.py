@@ -40,7 +40,7 @@ PATIENCE = 1200
 RUNS = ("sweep", "exam")
 SECONDS = re.compile(r'"seconds": [^,}]+')
 OF_A_RUN = ("seconds", "cost", "machine", "command")
-"""What results tell of the run that they come from."""
+"""Names of entries of results that tell of the run."""
 
 
 class Cluster:
@@ -113,7 +113,7 @@ def results(folder: Path) -> list[list[tuple[str, ...]]]:
 
 
 def written(folder: Path) -> list[Any]:
-    """Return what the files say, but for what they tell of the run."""
+    """Return the contents of the files, but for those entries."""
     with (folder / "sweep" / "many.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     tables = [rows, json.loads((folder / "sweep" / "many.json").read_text(encoding="utf-8"))]

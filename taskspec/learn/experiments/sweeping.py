@@ -226,7 +226,7 @@ WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}
 
 
 class MeasuredRows(Sequence[Measured]):
-    """What was measured, an entry for each instance, in order; it is read from the store when it is needed."""
+    """An entry for each instance, in order, read from the store when it is needed."""
 
     def __init__(self, instances: Sequence[Instance], wanted: Questions, store: Path) -> None:
         self._instances = instances
