@@ -266,7 +266,6 @@ def render(
 
 
 def hints_once(diagnostics: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
-    """Yield diagnostics with each hint once a file."""
     known: set[tuple[str, str]] = set()
     for each in diagnostics:
         name = ""

@@ -71,7 +71,6 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def limits() -> Limits:
-    """Return the current limits."""
     return changed(Limits(), os.environ.get(VARIABLE, ""))
 
 

@@ -17,10 +17,8 @@ Entry = TypeVar("Entry", bound=Named)
 
 
 def all_names(entries: Iterable[Named]) -> list[str]:
-    """Return the names of entries, in order."""
     return [entry.name for entry in entries]
 
 
 def entries_by_name(entries: Iterable[Entry]) -> dict[str, Entry]:
-    """Return entries by their names."""
     return {entry.name: entry for entry in entries}

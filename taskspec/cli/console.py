@@ -48,7 +48,6 @@ def write_output(text: str, place: Path | None) -> None:
 
 
 def write_json(data: Any) -> None:
-    """Print data as JSON."""
     say(visible_json(data))
 
 

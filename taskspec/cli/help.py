@@ -52,7 +52,6 @@ class Commands(TyperGroup):
             return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command."""
         with reported(), usage_reported():
             limits()  # a mistake in the environment variable is reported before anything rests on it
             return super().invoke(ctx)

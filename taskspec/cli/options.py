@@ -25,7 +25,6 @@ def flowed(doc: str) -> str:
 
 
 def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
-    """Check the value of an option."""
     if value not in allowed:
         code = "E726" if name == "--format" else "E713"
         raise misuse(f"{name} is one of {', '.join(allowed)}, not '{value}'", suggest(value, allowed), code)
@@ -86,7 +85,6 @@ def folder_option(help: str) -> Any:
 
 
 def file_option(*names: str, help: str) -> Any:
-    """Make an option that names a file."""
     return Option(*names, metavar="FILE", help=help, dir_okay=False)
 
 

@@ -81,7 +81,6 @@ def array_text(value: Array) -> str:
 
 
 def heading(task: Task, time: int) -> str:
-    """Return the task and the time."""
     title = f"{task.name}, step {time}"
     if task.horizon is None:
         return title

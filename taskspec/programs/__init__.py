@@ -17,7 +17,6 @@ _ASSIGNED = re.compile(r"(v\d+) = ")
 
 
 def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
-    """Name the variables of components."""
     names = []
     for i, c in enumerate(components):
         if c.name.isascii():

@@ -67,7 +67,6 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
-    """Check the labels of each pair of segments."""
     pairs = 0
     if np.ndim(preferences):
         pairs = len(preferences)
@@ -87,7 +86,6 @@ def _parts(name: str, seen: Any) -> dict[str, Array]:
 
 
 def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple[int, ...]) -> None:
-    """Check the type and the shape of an array."""
     if not isinstance(value, np.ndarray) or value.dtype not in types or value.shape != shape:
         raise ValueError(f"`{name}` is not an array of {' or '.join(map(str, types))} with the shape {shape}")
 

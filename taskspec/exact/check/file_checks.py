@@ -123,7 +123,6 @@ def check_file(file: File, prove: Callable[[Task], Report]) -> FileReport:
 
 
 def check_task(file: File, variant: str | None, prove: Callable[[Task], Report]) -> Checked:
-    """Build one task, and check it with `prove`."""
     start = time.perf_counter()
     try:
         task = task_in(file, variant)
@@ -203,7 +202,6 @@ def _line_and_column(diagnostic: Diagnostic) -> tuple[int, int]:
 
 
 def problems_of(reports: Iterable[FileReport]) -> list[Diagnostic]:
-    """List the errors and warnings of all files."""
     return [diagnostic for report in reports for diagnostic in report.diagnostics]
 
 

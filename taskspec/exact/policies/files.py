@@ -96,7 +96,6 @@ class _Evaluated:
 
 
 def is_function(name: str) -> bool:
-    """Return whether a policy's name means a function of a file."""
     return ".py:" in name
 
 
@@ -177,7 +176,6 @@ class ScriptedPolicy(TaskPolicy):
         self.episode = -1
 
     def choose(self, batch: EpisodeBatch) -> Actions:
-        """Return the next action."""
         if batch.t == 0:
             self.episode += 1
         actions = self.episodes[self.episode % len(self.episodes)]

@@ -68,7 +68,6 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
 
 
 def is_table(policy: Any) -> bool:
-    """Return whether a policy is a table: a list or an array."""
     return isinstance(policy, list | tuple) or hasattr(policy, "__array__")
 
 
@@ -137,7 +136,6 @@ def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
 
 
 def are_probabilities(table: Array) -> bool:
-    """Return whether the rows of a table are probabilities."""
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
 
 

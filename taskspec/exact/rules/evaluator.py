@@ -188,7 +188,6 @@ def checked(expr: s.Expr, task: Task) -> Expression:
 
 
 def condition(expr: s.Expr, task: Task) -> Expression:
-    """Return a condition of a claim."""
     found = checked(expr, task)
     if found.type != BOOL or is_random([found]):
         raise InvalidClaim("a condition on states and actions is needed here", expr)

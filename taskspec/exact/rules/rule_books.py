@@ -56,7 +56,6 @@ class RuleBook:
 
 
 def read_exam(path: str | os.PathLike[str]) -> RuleBook:
-    """Read the exam in a file."""
     return _read(Path(path), ExamDocument, "diagnoses", "when")
 
 

@@ -201,7 +201,6 @@ def _measured(value: Return | None) -> str:
 
 
 def print_discount(task: Task) -> None:
-    """Print the discount, unless it is 1."""
     if task.discount != 1:
         console().print(f"  discounted by {task.discount:g} a step", style="quiet")
 

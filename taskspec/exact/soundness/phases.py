@@ -234,7 +234,6 @@ class PhaseBuilder:
 
 
 def roots_of(checks: Sequence[Check]) -> tuple[Node, ...]:
-    """List the guards and the node of each check."""
     roots: list[Node] = []
     for check in checks:
         roots += [*check.guards, check.node]

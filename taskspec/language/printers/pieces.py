@@ -87,7 +87,6 @@ def prime(tree: m.Math, primed: bool = True) -> m.Math:
 
 
 def indexed(tree: m.Math, below: m.Math) -> m.Math:
-    """Append an index below a tree."""
     if not isinstance(tree, m.Script):
         return m.Script(tree, below)
     if tree.sub is not None:

@@ -167,11 +167,9 @@ class Context:
         return expr
 
     def report(self, code: str, path: Path, message: str, hint: str | None = None) -> None:
-        """Report a mistake in the value at a path."""
         self.collector.add(code, self.merged.span(path), message, hint)
 
     def report_key(self, code: str, path: Path, message: str, hint: str | None = None) -> None:
-        """Report a mistake in the key at a path."""
         self.collector.add(code, self.merged.key_span(path), message, hint)
 
     def stop(self, code: str, path: Path, message: str, hint: str | None = None) -> NoReturn:
@@ -183,7 +181,6 @@ class Context:
         return self.forms.place(path)
 
     def bound(self, c: Component, role: Role) -> Binding:
-        """Bind the name of a component."""
         if c.name in self.broken:
             return Lazy(poison, c.domain)
         return self.read(c, role)

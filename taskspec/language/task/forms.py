@@ -57,7 +57,6 @@ class Forms:
         return s.Place(s.SourceText("", lambda start, end: self.merged.span(path)), 0, 0)
 
     def report(self, problem: Problem, path: Path) -> None:
-        """Report a problem in the value at a path."""
         if problem.of_key:
             place = self.merged.key_span
         else:

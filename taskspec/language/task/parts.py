@@ -93,7 +93,6 @@ def _entries(grid: Grid) -> Sequence[Mapping[str, Any]]:
 
 
 def as_list(value: Any) -> list[Any]:
-    """Wrap a single value in a list."""
     if isinstance(value, list):
         return value
     return [value]

@@ -219,7 +219,6 @@ def _known(formats: Iterable[str]) -> list[str]:
 
 
 def page(shown: Card) -> str:
-    """Return the page of an exam."""
     forms = forms_of(shown.rows)
     ends = card_charts.score_ends(shown.rows)
     curves = []
@@ -236,7 +235,6 @@ def page(shown: Card) -> str:
 
 
 def page_of_several(found: LearnerMatrix) -> str:
-    """Return the page of several learners side by side."""
     rows = [
         {"learner": name, "cells": cells, "lead": _code(own.lead), "advice": _code(own.advice)}
         for name, cells, own in zip(found.learners, found.cells, found.cards.values(), strict=True)

@@ -148,7 +148,6 @@ def task_name(task: str) -> str:
 
 
 def task_rows(exam: Mapping[str, Any]) -> list[TaskRow]:
-    """Return the tasks of an exam, in its order."""
     return [_task_row(exam, task, about) for task, about in exam["tasks"].items()]
 
 

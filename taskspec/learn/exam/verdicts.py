@@ -21,7 +21,6 @@ WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "passes", "masters")
 
 
 def best_score(score: Score) -> float | None:
-    """Return the score of the best actions of a policy."""
     return score["deterministic"]
 
 

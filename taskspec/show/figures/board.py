@@ -140,7 +140,6 @@ class Board:
         return [*self._map()]
 
     def notes(self) -> tuple[str, ...]:
-        """Return notes on how the board is drawn."""
         if self.is_whole or not set(self.letters.values()) - {WALL}:
             return ()
         return ("Letters are too small to show.",)

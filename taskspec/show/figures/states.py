@@ -72,7 +72,6 @@ def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
 
 
 def first_lane(state: Mapping[str, Array]) -> dict[str, Any]:
-    """Return the state of the first lane."""
     return {name: value[..., 0] for name, value in state.items()}
 
 

@@ -155,7 +155,6 @@ def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
 
 
 def compile_pdf(folder: Path) -> Path:
-    """Compile `document.tex` in a folder."""
     for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
         options = ["document"] if command == "bibtex" else [
             "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip

@@ -166,7 +166,6 @@ class Subject:
         self.limit: int | None = None if env.spec is None else env.spec.max_episode_steps
 
     def make(self) -> EnvInstance:
-        """Return a new instance."""
         try:
             if self._function is None:
                 return EnvInstance(gymnasium.make(self.name, disable_env_checker=True, **self.kwargs))

@@ -148,7 +148,6 @@ class TableSearch:
         self.listed: set[int] = set()
 
     def run(self) -> StateTable:
-        """Return the table."""
         starts: Counter[int] = Counter()
         for seed in range(STARTS):
             instance = self.subject.make()

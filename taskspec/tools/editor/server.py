@@ -138,7 +138,6 @@ def changed(ls: Server, params: lsp.DidChangeTextDocumentParams) -> None:
 
 @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
 def closed(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
-    """Forget a document."""
     uri = params.text_document.uri
     for known in (ls.analyses, ls.known, ls.checked):
         known.pop(uri, None)

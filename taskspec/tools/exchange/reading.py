@@ -43,7 +43,6 @@ class ForeignFile:
         raise spec_error("E728", f"{self.name}: {message}", hint)
 
     def text(self) -> str:
-        """Return the content as text."""
         return self.content.decode("utf-8")
 
     def unpacked(self) -> bytes:
@@ -60,7 +59,6 @@ class ForeignFile:
         return bytes(data)
 
     def members(self) -> dict[str, bytes]:
-        """Return the files of a tar file, by name."""
         data = self.unpacked()
         files: dict[str, bytes] = {}
         with tarfile.open(fileobj=_Headers(self, data), mode="r:") as tar:

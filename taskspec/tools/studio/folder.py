@@ -79,7 +79,6 @@ class Folder:
                 return
 
     def relative(self, place: Path) -> str:
-        """Return the path of a file of the folder."""
         return place.relative_to(self.root).as_posix()
 
     # -- what a page asks for -----------------------------------------------------------------------------------------

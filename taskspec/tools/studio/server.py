@@ -93,7 +93,6 @@ class Studio:
 
     @property
     def origin(self) -> str:
-        """The address of the server."""
         return f"http://{HOST}:{self.socket.getsockname()[1]}"
 
     @property
@@ -139,7 +138,6 @@ class Guard:
 
 
 def application(studio: Studio) -> ASGIApp:
-    """Return the server as an ASGI application."""
     context = start_method()
 
     def index(request: Request) -> Response:

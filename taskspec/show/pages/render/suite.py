@@ -34,7 +34,6 @@ class Other:
 
 
 def setting_anchor(page: Page, setting: Setting) -> str:
-    """Return the page's anchor with the values of the setting."""
     return f"{page.anchor}-{anchor(setting.title)}"
 
 
