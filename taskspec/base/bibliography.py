@@ -58,11 +58,11 @@ class Reference:
 @lru_cache(maxsize=16)
 def read(text: str) -> Mapping[str, Reference]:
     """Return the entries of a BibTeX text by key; what cannot be read is passed over."""
-    found = {}
+    references = {}
     for match in _ENTRY.finditer(text):
         fields = dict(_fields(text, match.end()))
-        found[match[2]] = Reference(match[1].lower(), match[2], fields)
-    return found
+        references[match[2]] = Reference(match[1].lower(), match[2], fields)
+    return references
 
 
 def _fields(text: str, at: int) -> Iterator[tuple[str, str]]:

@@ -40,14 +40,14 @@ class Code:
 @lru_cache(maxsize=1)
 def codes() -> dict[str, Code]:
     """Return every code of an error or a warning, with its explanation."""
-    found = {}
+    entries = {}
     for part in _parts():
         for entry in part.split("\n### ")[1:]:
             heading, _, explanation = entry.partition("\n")
             name, _, title = heading.partition(": ")
             code, slug = name.split(" ")
-            found[code] = Code(code, slug, title, explanation.partition('\n<a id="')[0].strip())
-    return found
+            entries[code] = Code(code, slug, title, explanation.partition('\n<a id="')[0].strip())
+    return entries
 
 
 def classes() -> dict[str, str]:

@@ -191,15 +191,15 @@ class Collector:
         raise_if_errors(self._found)
 
 
-def has_errors(found: Iterable[Diagnostic]) -> bool:
+def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     """Return whether any diagnostic is an error (warnings do not count)."""
-    return any(each.severity == "error" for each in found)
+    return any(each.severity == "error" for each in diagnostics)
 
 
-def raise_if_errors(found: Sequence[Diagnostic]) -> None:
+def raise_if_errors(diagnostics: Sequence[Diagnostic]) -> None:
     """Raise SpecError with all diagnostics, if any is an error (warnings do not count)."""
-    if has_errors(found):
-        raise SpecError(found)
+    if has_errors(diagnostics):
+        raise SpecError(diagnostics)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -365,7 +365,7 @@ def _width(text: str) -> int:
 
 def records(diagnostics: Iterable[Diagnostic]) -> list[dict[str, object]]:
     """Return diagnostics as plain data."""
-    found = []
+    rows = []
     for each in diagnostics:
         code = codes()[each.code]
         place: dict[str, object] = dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
@@ -374,8 +374,8 @@ def records(diagnostics: Iterable[Diagnostic]) -> list[dict[str, object]]:
             place = {"file": span.origin.name, "line": span.line, "column": span.column}
             place |= {"end_line": span.end_line, "end_column": span.end_column}
         about = {"code": each.code, "slug": code.slug, "severity": code.severity, "message": each.message}
-        found.append({**about, "hint": each.hint, "notes": list(each.notes), **place})
-    return found
+        rows.append({**about, "hint": each.hint, "notes": list(each.notes), **place})
+    return rows
 
 
 def _github(diagnostic: Diagnostic) -> str:

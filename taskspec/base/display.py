@@ -175,10 +175,10 @@ _UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
 
 def count_of(text: str) -> int | None:
     """Return a number such as `500k` or `1.5M`; None for another text."""
-    found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
-    if found is None:
+    match = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
+    if match is None:
         return None
-    return round(float(found[1]) * _UNITS[found[2]])
+    return round(float(match[1]) * _UNITS[match[2]])
 
 
 _TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
@@ -187,10 +187,10 @@ _SECONDS = {"s": 1, "m": 60, "h": 3600}
 
 def seconds_of(text: str) -> float | None:
     """Return a time such as `5m`, `90s` or `1.5h` in seconds; None for another text."""
-    found = _TIME.fullmatch(text)
-    if found is None:
+    match = _TIME.fullmatch(text)
+    if match is None:
         return None
-    return float(found[1]) * _SECONDS[found[2]]
+    return float(match[1]) * _SECONDS[match[2]]
 
 
 def _signed(text: str) -> str:

@@ -126,9 +126,9 @@ def machine() -> dict[str, Any]:
     """Return processor, system and versions of packages as plain data."""
     processor = platform.processor() or platform.machine()
     with suppress(OSError):
-        found = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)
-        if found:
-            processor = found[1]
+        model = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)
+        if model:
+            processor = model[1]
     versions = {"python": platform.python_version(), "taskspec": __version__}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):

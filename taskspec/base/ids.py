@@ -35,11 +35,11 @@ class InstanceId:
 
 def parse(text: str) -> InstanceId:
     """Read an id or a path, with the parameters and modifiers behind it."""
-    found = _FORM.fullmatch(text)
-    if found is None:
+    match = _FORM.fullmatch(text)
+    if match is None:
         raise spec_error("E713", f"'{text}' is not the id of a task", _HINT)
     values: dict[str, Any] = {}
-    for part in (found["values"] or "").split("&"):
+    for part in (match["values"] or "").split("&"):
         name, sign, value = part.partition("=")
         if not part:
             continue
@@ -48,8 +48,8 @@ def parse(text: str) -> InstanceId:
         if name in values:
             raise spec_error("E713", f"'{text}' gives '{name}' twice")
         values[name] = read_value(_unquoted(value))
-    modifiers = map(_unquoted, found["modifiers"].split("+")[1:])
-    return InstanceId(found["name"], values, tuple(modifiers))
+    modifiers = map(_unquoted, match["modifiers"].split("+")[1:])
+    return InstanceId(match["name"], values, tuple(modifiers))
 
 
 def _unquoted(text: str) -> str:
@@ -64,8 +64,8 @@ _HINT = "an id with parameters is written as derail/NoisyObs-v0?L=50&M=7"
 
 def is_instance(text: str) -> bool:
     """Return whether a text has values or modifiers behind the name or path of a task."""
-    found = _FORM.fullmatch(text)
-    return found is not None and found["name"] != text
+    match = _FORM.fullmatch(text)
+    return match is not None and match["name"] != text
 
 
 _WORDS = {"true": True, "false": False}

@@ -102,7 +102,7 @@ def changed(present: Limits, text: str) -> Limits:
     """Return limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
     fixed = {row.name: row.fixed for row in table()}
     known = [name for name, is_fixed in fixed.items() if not is_fixed]
-    found = {}
+    given = {}
     for part in filter(None, map(str.strip, text.split(","))):
         name, _, value = map(str.strip, part.partition("="))
         if name not in known:
@@ -112,12 +112,12 @@ def changed(present: Limits, text: str) -> Limits:
                 message = f"there is no limit '{name}'"
             raise spec_error("E713", f"{VARIABLE}: {message}", suggest(name, known) or f"there are: {', '.join(known)}")
         try:
-            found[name] = int(float(value))
+            given[name] = int(float(value))
         except (ValueError, OverflowError):
-            found[name] = -1
-        if found[name] < 0:
+            given[name] = -1
+        if given[name] < 0:
             raise spec_error("E713", f"{VARIABLE}: '{part}' gives no number", f"{name}={getattr(present, name)}")
-    return replace(present, **found)
+    return replace(present, **given)
 
 
 @dataclass(frozen=True)

@@ -85,10 +85,10 @@ def console(err: bool = False, wide: bool = False) -> Console:
     width = None
     if terminal_width(err) is None:
         width = PIPED if wide else PAGE
-    found = kind(file=stream, theme=Theme(STYLES), highlight=False, emoji=False, markup=False, width=width)
+    made = kind(file=stream, theme=Theme(STYLES), highlight=False, emoji=False, markup=False, width=width)
     if not wide:
-        found.width = min(found.width, PAGE)
-    return found
+        made.width = min(made.width, PAGE)
+    return made
 
 
 def _stream(err: bool) -> Any:

@@ -28,10 +28,10 @@ def card(
     from taskspec.show.pages.facts import gather
 
     options.checked_choice("--format", format, ("md", "json"))
-    found = task_of(task, variant, parameters or [], modifiers or [])
+    built = task_of(task, variant, parameters or [], modifiers or [])
     with progress("scores"):
-        facts = gather(found)
-    content = cards.linked_data(found, facts)
+        facts = gather(built)
+    content = cards.linked_data(built, facts)
     if format == "json":
         write_json(content)
     else:

@@ -137,7 +137,7 @@ def exam(
         if refused:
             raise misuse(f"{refused[0]} is for learners, not for an experiment")
         with progress(experiment.experiment.name):
-            found = examine_all(experiment, output, running=running, **terms)
+            exams = examine_all(experiment, output, running=running, **terms)
     else:
         if tasks is not None:
             terms["tasks"] = tasks_named(options.split_names(tasks))
@@ -146,11 +146,11 @@ def exam(
         terms["announce"] = lambda words: say(words, err=True)
         terms |= {"suite": suite, "against": against, "within": options.seconds("--within", within)}
         with progress(learners[0]):
-            found = examine_learners(learners, output, running=running, until_sure=until_sure, laws=laws, **terms)
+            exams = examine_learners(learners, output, running=running, until_sure=until_sure, laws=laws, **terms)
     if json:
-        write_json(found.data)
+        write_json(exams.data)
     else:
-        print_exams(found.exams)
-        say_written(found.write_reports())
-    if any(each["flags"] for each in found.exams.values()):
+        print_exams(exams.exams)
+        say_written(exams.write_reports())
+    if any(each["flags"] for each in exams.exams.values()):
         raise typer.Exit(1)

@@ -20,21 +20,21 @@ CodeArgument = Annotated[str | None, Argument(metavar="[CODE]", help="A code or 
 def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     if code is None:
-        found = list(codes().values())
+        chosen = list(codes().values())
     else:
-        found = [_find(code)]
+        chosen = [_find(code)]
     if json:
-        write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
+        write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in chosen])
     elif code is None:
         table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
-        for prefix, members in groupby(found, lambda each: each.code[:2]):
+        for prefix, members in groupby(chosen, lambda each: each.code[:2]):
             subject = VisibleText(classes().get(prefix, ""), style="title")
             table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
             for each in members:
                 table.add_row(f"  {each.code}", each.slug, each.title)
         console(wide=True).print(table)
     else:
-        _explain(found[0])
+        _explain(chosen[0])
 
 
 def _find(text: str) -> Code:

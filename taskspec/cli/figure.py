@@ -42,12 +42,12 @@ def figure(
     from taskspec.show import pages
     from taskspec.show.pages.page import anchor
 
-    found = tasks_of(task, variant, parameters or [], modifiers or [])
+    tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     if output is None:
-        output = Path(f"{anchor(found[0].name)}.svg")
+        output = Path(f"{anchor(tasks[0].name)}.svg")
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
-    for each in found:
+    for each in tasks:
         place = output
-        if len(found) != 1:
+        if len(tasks) != 1:
             place = beside(output, each)
         say(f"wrote {pages.figure(each, place, wanted)}")

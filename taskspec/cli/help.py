@@ -75,8 +75,8 @@ def usage_reported() -> Iterator[None]:
     """Turn errors about usage, which the parser of arguments raises, into messages of the package's own style."""
     try:
         yield
-    except Exception as found:
-        error: Any = found
+    except Exception as raised:
+        error: Any = raised
         if getattr(error, "exit_code", None) != 2 or not hasattr(error, "format_message"):
             raise
         message = error.format_message().rstrip(".")

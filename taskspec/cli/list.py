@@ -41,9 +41,9 @@ def list_(
     from taskspec.language.task.record import record
 
     files = files_of(targets or [])
-    found = list(tasks_in(files) if json else outlines_in(files))
-    tasks: list[Any] = [each for each in found if not isinstance(each, SpecError)]
-    problems = [problem for each in found if isinstance(each, SpecError) for problem in each.diagnostics]
+    listed = list(tasks_in(files) if json else outlines_in(files))
+    tasks: list[Any] = [each for each in listed if not isinstance(each, SpecError)]
+    problems = [problem for each in listed if isinstance(each, SpecError) for problem in each.diagnostics]
     if capability is not None:
         tasks = _isolating(capability, tasks)
     if json:
@@ -57,12 +57,12 @@ def list_(
 
 
 def _isolating(capability: str, tasks: Sequence[Listed]) -> list[Listed]:
-    found = [task for task in tasks if _capability(task).startswith(capability)]
-    if not found:
+    chosen = [task for task in tasks if _capability(task).startswith(capability)]
+    if not chosen:
         known = sorted(set(map(_capability, tasks)) - {""})
         hint = suggest(capability, known) or f"there are {', '.join(known)}"
         raise spec_error("E701", f"no task isolates '{capability}'", hint)
-    return found
+    return chosen
 
 
 def _capability(task: Listed) -> str:

@@ -24,15 +24,15 @@ def play(
     from taskspec.envs.options import seed_of
     from taskspec.language.targets import task_of
 
-    found = task_of(task, variant, parameters or [], modifiers or [])
-    env = Environment(found, render_mode="rgb_array")
-    keys = window.legend(found)
+    built = task_of(task, variant, parameters or [], modifiers or [])
+    env = Environment(built, render_mode="rgb_array")
+    keys = window.legend(built)
     width = max(len(key) for key, _ in keys)
-    say("\n".join([found.id, *(f"  {key:<{width}}  {name}" for key, name in keys)]))
+    say("\n".join([built.id, *(f"  {key:<{width}}  {name}" for key, name in keys)]))
     rewards: list[float] = []
 
     def report(before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
-        rewards.append(float(reward) * found.discount ** len(rewards))
+        rewards.append(float(reward) * built.discount ** len(rewards))
         if ended or cut:
             how = "truncated"
             if ended:
@@ -42,6 +42,6 @@ def play(
 
     try:
         env.reset(seed=seed_of(seed) if seed is not None else None)
-        window.play(window.Warned(env, say) if found.mask else env, report, FPS)
+        window.play(window.Warned(env, say) if built.mask else env, report, FPS)
     finally:
         env.close()

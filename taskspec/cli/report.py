@@ -115,10 +115,10 @@ def _report_findings(suite: str, places: list[Path], output: Path, json: bool) -
     from taskspec.learn.exam.results import read
 
     exams = {place: read(place) for place in dict.fromkeys(place.resolve() for place in places)}
-    found = evaluate(suite, sets_of(exams))
-    written = findings_page.write(found, list(exams.values()), output)
+    findings = evaluate(suite, sets_of(exams))
+    written = findings_page.write(findings, list(exams.values()), output)
     if json:
-        write_json(found.data)
+        write_json(findings.data)
         return
-    console(wide=True).print(findings_page.text(found))
+    console(wide=True).print(findings_page.text(findings))
     say_written(written)

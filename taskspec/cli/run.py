@@ -64,12 +64,12 @@ def run(
         say("no display was found, so no window is shown; --render gif makes a film", err=True)
     if json and kind == "ansi":
         raise misuse("--json and --render ansi cannot be combined")
-    found = tasks_of(task, variant, parameters or [], modifiers or [])
+    tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     count = episodes or (1 if kind else EPISODES)
     records = []
-    for each in found:
+    for each in tasks:
         path = output or Path(f"{each.name}.{kind}")
-        if len(found) > 1:
+        if len(tasks) > 1:
             path = beside(path, each)
         start = time.perf_counter()
         with progress("episodes"), watching(kind, path, count, say) as watch:

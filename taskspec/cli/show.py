@@ -25,9 +25,9 @@ def show(
     from taskspec.programs.scalar import compile_scalar
     from taskspec.show.pages.render.terminal import print_page
 
-    found = tasks_of(task, variant, parameters or [], modifiers or [])
+    tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     records: list[dict[str, Any]] = []
-    for each in found:
+    for each in tasks:
         if source:
             code = compile_scalar(each).source
             records.append({"id": each.id, "language": "python", "source": code})

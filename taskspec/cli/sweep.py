@@ -68,8 +68,8 @@ def sweep(
     name = safe_name(written.experiment.name)
     running = Running(jobs, cluster, time_limit, retry)
     with progress(written.experiment.name):
-        found = experiments.expand(written, settings(parameters) if parameters else ())
-        swept = experiments.sweep(written, output / f"{name}.sqlite", expanded=found, running=running)
+        instances = experiments.expand(written, settings(parameters) if parameters else ())
+        swept = experiments.sweep(written, output / f"{name}.sqlite", expanded=instances, running=running)
     files = [output / f"{name}.{kind}" for kind in wanted]
     for kind, path in zip(wanted, files, strict=True):
         if kind in PICTURES:

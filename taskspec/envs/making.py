@@ -139,7 +139,7 @@ def _take_instances() -> None:
         return
 
     @functools.wraps(find)
-    def found(env_id: str) -> Any:
+    def find_instance(env_id: str) -> Any:
         if not ids.is_instance(env_id):
             return find(env_id)
         asked = ids.parse(env_id)
@@ -151,7 +151,7 @@ def _take_instances() -> None:
             spec.kwargs["id_modifiers"] = asked.modifiers
         return spec
 
-    registration._find_spec = found
+    registration._find_spec = find_instance
 
 
 def make_vec(
@@ -243,13 +243,13 @@ def made_by(task: Task) -> EnvSpec | None:
     """Return how Gymnasium makes a task's environment; None where it knows no id of the task."""
     from gymnasium.envs.registration import registry as known
 
-    found = known.get(task.id)
+    registered = known.get(task.id)
     options = dict(task.values)
     if task.modifiers:
         options["modifiers"] = list(map(str, task.modifiers))
-    if found is None or load(task.id, **options) != task:
+    if registered is None or load(task.id, **options) != task:
         return None
-    return dataclasses.replace(found, kwargs=found.kwargs | options)
+    return dataclasses.replace(registered, kwargs=registered.kwargs | options)
 
 
 def make_registered(**options: Any) -> Environment:

@@ -309,12 +309,12 @@ def _mean(summary: Summary) -> Any:
 
 def summary_data(task: Task, policy: str, seed: int, summary: Summary, done: Sequence[Episode]) -> dict[str, Any]:
     """Return how a policy did as plain data, with every return."""
-    found = dataclasses.asdict(summary)
-    half = found.pop("half")
+    record = dataclasses.asdict(summary)
+    half = record.pop("half")
     interval = None
     if half is not None:
         interval = [summary.mean - half, summary.mean + half]
     return {
         "id": task.id, "parameters": task.values, "modifiers": list(map(str, task.modifiers)), "policy": policy, "seed": seed,
-        "content_hash": task.content_hash, **found, "confidence_95": interval, "returns": [each.total for each in done],
+        "content_hash": task.content_hash, **record, "confidence_95": interval, "returns": [each.total for each in done],
     }  # fmt: skip

@@ -137,11 +137,11 @@ class Sb3VecEnv(VecEnv):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        found = []
+        answers = []
         for i in self._get_indices(indices):
             lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            found.append(lane.ask(method_name, *args, **kwargs))
-        return found
+            answers.append(lane.ask(method_name, *args, **kwargs))
+        return answers
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

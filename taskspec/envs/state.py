@@ -134,10 +134,10 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     if not stepped.any():
         return {}
     before[~stepped] = after[~stepped] = 0
-    found = {"old_state": before, "new_state": after}
+    told = {"old_state": before, "new_state": after}
     infos = {}
     for name in task.info:
-        infos[name] = found[name]
+        infos[name] = told[name]
         infos[f"_{name}"] = stepped
     return infos
 
@@ -225,10 +225,10 @@ class LaneView:
         """
         if name not in KNOWN:
             raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
-        found = getattr(self, name)
-        if callable(found):
-            return found(*args, **options)
-        return found
+        value = getattr(self, name)
+        if callable(value):
+            return value(*args, **options)
+        return value
 
 
 KNOWN = (

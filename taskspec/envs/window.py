@@ -234,14 +234,14 @@ def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:
 
 def names(task: Task) -> list[str]:
     """Return the actions in words, in the order of `actions`."""
-    found = []
+    described = []
     for action in actions(task):
         words = []
         for c, value in zip(task.action, unpack(task.action_layout, action), strict=True):
             label = labels(c, np.ravel(value)[0] if c.type.is_scalar else value)
             words.append(number(label, 3) if isinstance(label, float) else str(label))
-        found.append(", ".join(words))
-    return found
+        described.append(", ".join(words))
+    return described
 
 
 def legend(task: Task) -> list[tuple[str, str]]:

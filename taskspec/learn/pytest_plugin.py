@@ -58,8 +58,8 @@ def examined(
 
 
 def _options(config: pytest.Config) -> dict[str, Any]:
-    found = {name: config.getoption(f"--exam-{name}") for name in ("suite", "tasks", "seeds", "steps")}
-    return {name: value for name, value in found.items() if value is not None}
+    given = {name: config.getoption(f"--exam-{name}") for name in ("suite", "tasks", "seeds", "steps")}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str, Any], out: str | None) -> ExamOutcome:
@@ -74,14 +74,14 @@ def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str
         workers = 1
     message = None
     try:
-        found = examine(learner, **terms, out=folder, running=Running(workers))
+        exam = examine(learner, **terms, out=folder, running=Running(workers))
         if folder is not None:
-            write(found, folder)
+            write(exam, folder)
     except TaskspecError as error:
         message = str(error)
     if message is not None:
         pytest.fail(message, pytrace=False)
-    return ExamOutcome(found, test, learner, terms)
+    return ExamOutcome(exam, test, learner, terms)
 
 
 def _terms(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,17 +183,17 @@ class ExamOutcome:
 
 def _spec(task: Task) -> list[str]:
     lines = task.source.document.origin.text.splitlines()
-    found = [f"  {line}".rstrip() for line in lines[:MOST_LINES]]
+    shown = [f"  {line}".rstrip() for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:
-        found.append(f"  ... {len(lines) - MOST_LINES} more lines: taskspec show {task.id}")
-    return found
+        shown.append(f"  ... {len(lines) - MOST_LINES} more lines: taskspec show {task.id}")
+    return shown
 
 
 def _wrapped(text: str) -> list[str]:
-    found = []
+    wrapped = []
     for line in text.splitlines():
-        found += textwrap.wrap(line, 79, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
-    return found
+        wrapped += textwrap.wrap(line, 79, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
+    return wrapped
 
 
 def _place(learner: str | Callable[[Any], Any]) -> str | None:

@@ -117,14 +117,14 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     table = parquet.read_table(path)
     metadata = json.loads((table.schema.metadata or {})[KEY])
     shapes = metadata.pop("shapes")
-    found = {}
+    columns_read = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
         values = column
         if shapes[name]:
             values = column.flatten()
-        found[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
-    return found, metadata
+        columns_read[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
+    return columns_read, metadata
 
 
 Data = Demonstrations | Preferences
@@ -181,8 +181,8 @@ def _write_npz(path: Path, data: Data, name: str) -> None:
 
 def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
-        found = {name: held[name] for name in held.files}
-    return found, json.loads(str(found.pop("metadata")))
+        arrays = {name: held[name] for name in held.files}
+    return arrays, json.loads(str(arrays.pop("metadata")))
 
 
 def _write_imitation(folder: Path, data: Demonstrations, name: str) -> None:
@@ -237,12 +237,12 @@ def format_of(path: Path, name: str | None = None) -> Format:
     """Return the format of a name, or of the suffix of a path."""
     if name is not None and name not in FORMATS:
         raise spec_error("E726", f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
-    found = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)
-    if found is None:
+    form = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)
+    if form is None:
         raise spec_error("E726", f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
-    if found.suffix and path.suffix != found.suffix:
-        raise spec_error("E726", f"'{path}' is not a {found.suffix} file", f"{path.with_suffix(found.suffix)}")
-    return found
+    if form.suffix and path.suffix != form.suffix:
+        raise spec_error("E726", f"'{path}' is not a {form.suffix} file", f"{path.with_suffix(form.suffix)}")
+    return form
 
 
 def read(path: str | PathLike[str]) -> Data:
@@ -263,8 +263,8 @@ def read(path: str | PathLike[str]) -> Data:
     reader = FORMATS["parquet" if place.suffix == ".parquet" else "npz"].read
     assert reader is not None
     try:
-        found, metadata = reader(place)
-        return _data(found, metadata)
+        arrays, metadata = reader(place)
+        return _data(arrays, metadata)
     except KeyError as error:
         _unreadable(place, f"it has no `{error.args[0]}`")
     except (OSError, EOFError, ValueError, TypeError, BadZipFile, zlib.error) as error:
@@ -286,35 +286,35 @@ def flat(data: Data) -> dict[str, Array]:
         segments = data.segments
     else:
         segments = data
-    found: dict[str, Array] = {}
+    arrays: dict[str, Array] = {}
     for name, value in columns(segments).items():
-        found |= _parts(name, value)
+        arrays |= _parts(name, value)
     if isinstance(data, Preferences):
         for name in PAIRS:
-            found[name] = getattr(data, name)
-    return found
+            arrays[name] = getattr(data, name)
+    return arrays
 
 
-def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
-    transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
+def _data(arrays: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
+    transitions = Transitions(**{name: _nested(arrays, name) for name in COLUMNS})
     is_whole = metadata["kind"] == "demonstrations"
     check_transitions(transitions, is_whole)
     if is_whole:
         return Demonstrations(**columns(transitions), metadata=metadata)
-    if "preference" in found:
+    if "preference" in arrays:
         first = transitions.starts
-        per_pair = {"preferences": found["preference"][first][::2], "queries": found["query"][first][::2],
-                    "returns": found["return"][first].reshape(-1, 2)}  # fmt: skip
+        per_pair = {"preferences": arrays["preference"][first][::2], "queries": arrays["query"][first][::2],
+                    "returns": arrays["return"][first].reshape(-1, 2)}  # fmt: skip
     else:
-        per_pair = {name: found[name] for name in PAIRS}
+        per_pair = {name: arrays[name] for name in PAIRS}
     check_pairs(transitions, **per_pair)
     return Preferences(transitions, **per_pair, metadata=metadata)
 
 
-def _nested(found: Mapping[str, Any], name: str) -> Any:
-    if name in found:
-        return found[name]
-    parts = {key.removeprefix(f"{name}."): value for key, value in found.items() if key.startswith(f"{name}.")}
+def _nested(arrays: Mapping[str, Any], name: str) -> Any:
+    if name in arrays:
+        return arrays[name]
+    parts = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
     if not parts:
         raise KeyError(name)
     return parts

@@ -100,13 +100,13 @@ class Transitions:
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """The episodes one by one."""
-        found = []
+        parts = []
         for first, length in zip(self.starts.tolist(), self.lengths.tolist(), strict=True):
             end = first + length
             obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
             over = (bool(self.terminated[end - 1]), bool(self.truncated[end - 1]))
-            found.append(Trajectory(obs, self.acts[first:end], self.rews[first:end], *over))
-        return tuple(found)
+            parts.append(Trajectory(obs, self.acts[first:end], self.rews[first:end], *over))
+        return tuple(parts)
 
     def returns(self, discount: float = 1.0) -> Array:
         """float64 (E,): the return of each episode, discounted from its first step."""
@@ -125,14 +125,14 @@ class Transitions:
             SpecError: E705 where imitation is not installed.
         """
         types = need("imitation.data.types", EXTRA, "this")
-        found = []
+        copies = []
         for t in self.trajectories:
             obs = t.obs
             if isinstance(obs, dict):
                 obs = types.DictObs(obs)
             ended = t.terminated or t.truncated
-            found.append(types.TrajectoryWithRew(obs=obs, acts=t.acts, rews=t.rews, infos=None, terminal=ended))
-        return found
+            copies.append(types.TrajectoryWithRew(obs=obs, acts=t.acts, rews=t.rews, infos=None, terminal=ended))
+        return copies
 
 
 COLUMNS = ("obs", "acts", "rews", "next_obs", "terminated", "truncated", "episode", "time")
@@ -181,9 +181,9 @@ def recorded(
         while total < transitions:
             parts += list(run(partial(_record, task, policy, seed), islice(endless, jobs)))
             total = sum(map(len, parts))
-    found = concatenated(parts)
-    enough = int(np.searchsorted(np.cumsum(found.lengths), transitions)) + 1
-    return found.rows(np.arange(int(found.lengths[:enough].sum())))
+    data = concatenated(parts)
+    enough = int(np.searchsorted(np.cumsum(data.lengths), transitions)) + 1
+    return data.rows(np.arange(int(data.lengths[:enough].sum())))
 
 
 def _check_sent(policy: Any, jobs: int) -> None:
@@ -327,18 +327,21 @@ def demonstrations(
         SpecError: E706 for actions that are none, E712 where an exact model is needed and there is none, E713 for a policy that
             the task does not have, or for another option.
     """
-    found = role(load(task), "expert")
+    demonstrated = role(load(task), "expert")
     if episodes is not None and transitions is not None:
         misused("`episodes` and `transitions` cannot be combined")
     if transitions is None:
         episodes = positive("episodes", 100 if episodes is None else episodes)
     else:
         transitions = positive("transitions", transitions)
-    acting = policy_of(found, policy)
+    acting = policy_of(demonstrated, policy)
     seed = seed_of(seed)
-    data = recorded(found, policy, episodes, transitions, seed, positive("jobs", jobs))
-    told = described(found, "demonstrations", acting, seed) | {"episodes": len(data.starts), "transitions": len(data)}
-    return Demonstrations(**columns(data), metadata=told, task=found)
+    data = recorded(demonstrated, policy, episodes, transitions, seed, positive("jobs", jobs))
+    told = described(demonstrated, "demonstrations", acting, seed) | {
+        "episodes": len(data.starts),
+        "transitions": len(data),
+    }
+    return Demonstrations(**columns(data), metadata=told, task=demonstrated)
 
 
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:

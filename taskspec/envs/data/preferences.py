@@ -91,12 +91,12 @@ class Teacher:
             chance = 0.5 * (1 + np.tanh(ahead / (2 * self.boltzmann * unit)))  # the logistic function, without overflow
             prefers = np.where(words[0] * 2.0**-32 < chance, FIRST, SECOND)
         wrong = words[1] * 2.0**-32 < self.mistaken
-        found = np.where(wrong & (prefers != EQUAL), 1 - prefers, prefers)
+        answers = np.where(wrong & (prefers != EQUAL), 1 - prefers, prefers)
         if self.equal:
-            found = np.where(np.abs(first - second) < self.equal * unit, EQUAL, found)
+            answers = np.where(np.abs(first - second) < self.equal * unit, EQUAL, answers)
         if self.skipping is not None:
-            found = np.where(np.maximum(first, second) > low + self.skipping * unit, found, np.nan)
-        return found
+            answers = np.where(np.maximum(first, second) > low + self.skipping * unit, answers, np.nan)
+        return answers
 
     def seen(self, segments: Transitions, discount: float) -> Array:
         """Return the returns (E,) of segments as a myopic teacher sees them."""
@@ -133,7 +133,7 @@ def teacher_of(text: str | Teacher) -> Teacher:
     """Return the teacher of a text such as `myopic(0.9) + mistaken(0.1)`."""
     if isinstance(text, Teacher):
         return text
-    found = Teacher()
+    teacher = Teacher()
     given = set[str]()
     for part in map(str.strip, str(text).split("+")):
         if part == "noiseless":
@@ -144,8 +144,8 @@ def teacher_of(text: str | Teacher) -> Teacher:
         if name in given:
             misused(f"the teacher '{text}' is {name} twice")
         given.add(name)
-        found = replace(found, **{name: value})
-    return found
+        teacher = replace(teacher, **{name: value})
+    return teacher
 
 
 # Preferences: pairs of trajectories or of segments, labelled by their true returns.
@@ -177,8 +177,8 @@ class Preferences:
     @cached_property
     def pairs(self) -> tuple[tuple[Trajectory, Trajectory], ...]:
         """The two segments of each pair."""
-        found = self.segments.trajectories
-        return tuple(zip(found[::2], found[1::2], strict=True))
+        halves = self.segments.trajectories
+        return tuple(zip(halves[::2], halves[1::2], strict=True))
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -192,9 +192,9 @@ class Preferences:
             SpecError: E705 where imitation is not installed.
         """
         comparisons = need("imitation.algorithms.preference_comparisons", EXTRA, "this")
-        found = self.segments.imitation()
+        halves = self.segments.imitation()
         dataset = comparisons.PreferenceDataset()
-        dataset.push(list(zip(found[::2], found[1::2], strict=True)), self.preferences.astype(np.float32))
+        dataset.push(list(zip(halves[::2], halves[1::2], strict=True)), self.preferences.astype(np.float32))
         return dataset
 
 
@@ -233,23 +233,23 @@ def preferences(
     Raises:
         SpecError: as for `demonstrations`; E712 where the teacher needs the exact range of returns, and there is none.
     """
-    found = role(load(task), "learner")
+    learned = role(load(task), "learner")
     who = teacher_of(teacher)
     pairs = positive("pairs", pairs)
     seed = seed_of(seed)
-    acting = policy_of(found, policy)
+    acting = policy_of(learned, policy)
     if length is not None:
         length = positive("length", length)
     if who.needs_range:
-        ends = return_ends(found, length)
+        ends = return_ends(learned, length)
     else:
         ends = (0.0, 0.0)
-    whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
+    whole = recorded(learned, policy, 2 * pairs, None, seed, positive("jobs", jobs))
     segments = whole
     if length is not None:
         segments = _cut(whole, length, seed)
-    returns = segments.returns(found.discount)
-    near = who.seen(segments, found.discount)
+    returns = segments.returns(learned.discount)
+    near = who.seen(segments, learned.discount)
     words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)
     labels = who.labels(returns[::2], returns[1::2], (near[::2], near[1::2]), ends, words)
     kept = np.flatnonzero(~np.isnan(labels))
@@ -257,7 +257,7 @@ def preferences(
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
     told = {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept),
             "range": list(ends) if who.needs_range else None}  # fmt: skip
-    told = described(found, "preferences", acting, seed) | told
+    told = described(learned, "preferences", acting, seed) | told
     return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
 
 

@@ -69,10 +69,10 @@ class Tabular:
     def sparse(self) -> tuple[Sparse, ...]:
         """For each action the probabilities of the next states, A sparse matrices (S, S) (`scipy.sparse.csr_array`)."""
         parts = (self.going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))
-        found = tuple(sparse.csr_array(part) for part in parts)
-        for part in found:
+        matrices = tuple(sparse.csr_array(part) for part in parts)
+        for part in matrices:
             part.sum_duplicates()
-        return found
+        return matrices
 
     @cached_property
     def P(self) -> Array:  # the letter that everyone uses
@@ -133,10 +133,10 @@ class Tabular:
                 name = self.model.state_name(i)
                 message = f"{twin} and {name} look alike in {self.task.id}"
                 raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
-        found = list(map(known.get, _rows(observations)))
-        if None in found:
-            misused(f"observation {found.index(None)} is not one of {self.task.id}")
-        return np.array(found, np.int64)
+        indices = list(map(known.get, _rows(observations)))
+        if None in indices:
+            misused(f"observation {indices.index(None)} is not one of {self.task.id}")
+        return np.array(indices, np.int64)
 
     def occupancy(self, policy: str = "expert") -> Array:
         """float64 (S,): how often a named policy is expected to be in each state, the last one of an episode included.
@@ -202,9 +202,9 @@ def tabular(task: TaskLike) -> Tabular:
         SpecError: E712 where there is no exact model, or where what happens depends on the time.
     """
     task = load(task)
-    found = abstraction(task)
-    if found is not None:
-        task = found.stand_in
+    mapped = abstraction(task)
+    if mapped is not None:
+        task = mapped.stand_in
     terminal = [task.process.terminal]
     ends = is_random(terminal) or bool(components_read(terminal) or components_read(terminal, Role.ACTION))
     if ends:
@@ -247,7 +247,7 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
 def _rows(observations: Any) -> list[bytes]:
     """Return observations (N, *shape), or a dict of them, one by one, as keys."""
     held = [np.asarray(part, np.float64) for part in parts_of(observations)]
-    found = []
+    keys = []
     for row in zip(*held, strict=True):
-        found.append(b"".join(number.tobytes() for number in row))
-    return found
+        keys.append(b"".join(number.tobytes() for number in row))
+    return keys

@@ -204,23 +204,23 @@ def _best(results: Results) -> Return | None:
 def expert(context: LintContext) -> Iterator[Doubt]:
     """Yield an expert below the optimum, or no better than random actions where that is all there is to compare with."""
     results = context.results
-    found = results.expert
+    performance = results.expert
     task = context.task
     annotations = task.annotations
-    if found is None or isinstance(annotations.expert, Soft):
+    if performance is None or isinstance(annotations.expert, Soft):
         return
     if any(_compares_expert(claim.expr) for claim in annotations.claims):
         return
-    value = f"the expert returns {found.value:.10g}"
+    value = f"the expert returns {performance.value:.10g}"
     optimal = results.optimal
     if optimal is None:
         if is_bounded(task):
             random = results.random
         else:
             random = results.estimated(at_random(task), 200)
-        if random is not None and random.value >= found.value:
+        if random is not None and random.value >= performance.value:
             message = f"{value} on average, and random actions {random.value:.10g}"
-            notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
+            notes = [f"from {performance.episodes:,} and {random.episodes:,} episodes"]
             yield Doubt(context.key("expert"), message, None, notes)
         return
     best = optimal.value
@@ -230,7 +230,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
         if seen.remembering is not None:
             best = seen.remembering.value
             whose = " of those who remember what they see"
-    gap = best - found.value
+    gap = best - performance.value
     if gap > SAME * max(1.0, abs(best)):
         yield Doubt(context.key("expert"), f"{value}, which is {gap:.6g} below the optimum of {best:.10g}{whose}")
 

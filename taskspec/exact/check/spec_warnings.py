@@ -217,10 +217,10 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
 
 def unproved_abstraction(context: LintContext) -> Iterator[Doubt]:
     """Yield an abstraction that gives no exact results, as it is infinite or cannot be proved."""
-    found = context.results.abstraction
-    if found is None:
+    declared = context.results.abstraction
+    if declared is None:
         return
-    for c in found.stand_in.state:
+    for c in declared.stand_in.state:
         if not c.is_finite:
             message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
             yield Doubt(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")

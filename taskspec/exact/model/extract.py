@@ -128,10 +128,10 @@ def _checked_room(steps: Steps, limit: int | None) -> _Room:
     """Return the room for a model; refuse (E712) a task that is not finite, or beyond the domain of numbers."""
     task = steps.task
     _check_finite(steps)
-    found = outside_domain(task)
-    if found is not None:
+    problem = outside_domain(task)
+    if problem is not None:
         refuse(
-            f"the {found[0]} has the number {number_words(found[1])}, which is outside of the domain of numbers (E411)"
+            f"the {problem[0]} has the number {number_words(problem[1])}, which is outside of the domain of numbers (E411)"
         )
     times = 1
     if steps.uses_time and task.horizon is not None:
@@ -348,7 +348,7 @@ class Rows(NamedTuple):
 
 
 def _steps(steps: Steps, codes: Array, times: int) -> tuple[Step, ...]:
-    found: list[Step] = []
+    extracted: list[Step] = []
     total = len(codes) * steps.actions.size
     for t in range(times):
         parts = []
@@ -358,12 +358,12 @@ def _steps(steps: Steps, codes: Array, times: int) -> tuple[Step, ...]:
             row += len(part.counts)
             tell(f"{row:,} of {total:,} rows of the model{f' at t = {t:,}' if t else ''}")
         step = _assembled(parts, len(codes))
-        if found and found[-1].same(step):
-            step = found[-1]
-        found.append(step)
-    if all(step is found[0] for step in found):
-        return (found[0],)
-    return tuple(found)
+        if extracted and extracted[-1].same(step):
+            step = extracted[-1]
+        extracted.append(step)
+    if all(step is extracted[0] for step in extracted):
+        return (extracted[0],)
+    return tuple(extracted)
 
 
 def _all_rows(steps: Steps, codes: Array, t: int) -> Iterator[Rows]:
@@ -383,18 +383,18 @@ def _all_rows(steps: Steps, codes: Array, t: int) -> Iterator[Rows]:
 
 
 def _rows(steps: Steps, codes: Array, states: Array, actions: Array, t: int) -> Rows:
-    found = list(steps.outcomes(states, actions, t))
+    outcomes = list(steps.outcomes(states, actions, t))
     n = len(states)
-    lowest = min(float(np.min(f.reward, where=np.isfinite(f.reward), initial=0.0)) for f in found)
-    highest = max(float(np.max(f.reward, where=np.isfinite(f.reward), initial=0.0)) for f in found)
-    if any(f.outside is not None or f.origin is not None for f in found):
-        return _irregular(steps, codes, found, n)._replace(lowest=lowest, highest=highest)
-    k = len(found)  # every outcome happens at every point
+    lowest = min(float(np.min(f.reward, where=np.isfinite(f.reward), initial=0.0)) for f in outcomes)
+    highest = max(float(np.max(f.reward, where=np.isfinite(f.reward), initial=0.0)) for f in outcomes)
+    if any(f.outside is not None or f.origin is not None for f in outcomes):
+        return _irregular(steps, codes, outcomes, n)._replace(lowest=lowest, highest=highest)
+    k = len(outcomes)  # every outcome happens at every point
     columns = np.empty((n, k), np.int32)
     weights = np.empty((n, k))
     ends = np.empty((n, k), np.bool_)
     reward = np.zeros(n)
-    for i, f in enumerate(found):
+    for i, f in enumerate(outcomes):
         columns[:, i] = _columns(codes, f.code)
         weights[:, i] = f.weight
         ends[:, i] = f.terminal
@@ -405,13 +405,13 @@ def _rows(steps: Steps, codes: Array, states: Array, actions: Array, t: int) -> 
     return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), flat, reward, lowest, highest)
 
 
-def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
+def _irregular(steps: Steps, codes: Array, outcomes: list[Outcomes], n: int) -> Rows:
     """Return rows of any lengths; outcomes outside of the state space are paid, and have no weight."""
     points, codes_reached, weights, reward, ends, outside = (
-        np.concatenate(x) for x in zip(*(f.spread(n) for f in found), strict=True)
+        np.concatenate(x) for x in zip(*(f.spread(n) for f in outcomes), strict=True)
     )
     columns = _columns(codes, codes_reached)
-    if len(found) > 1:
+    if len(outcomes) > 1:
         order = np.argsort(points, kind="stable")
         points, columns, weights, reward, ends, outside = (
             x[order] for x in (points, columns, weights, reward, ends, outside)

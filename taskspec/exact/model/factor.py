@@ -64,11 +64,11 @@ class _Factoring:
                 expert = self._final(task.annotations.expert)
             except Unfactored:
                 expert = None
-        found = self.stand_in.with_process(
+        rebuilt = self.stand_in.with_process(
             initial=initial, raw_initial=initial, next=tuple(moved), raw_next=tuple(moved), reward=reward,
             terminal=terminal,
         )  # fmt: skip
-        return found.with_annotations(expert=expert)
+        return rebuilt.with_annotations(expert=expert)
 
     def _replace_component(self, c: Component, node: Node) -> None:
         """Find the component of the task's own state that a mapped component replaces."""
@@ -111,20 +111,20 @@ class _Factoring:
         for name in self.ranked:
             if any(how is not Dependence.INVARIANT for how in dependence(nodes, name)):
                 raise Unfactored(f"something depends on more of '{name}' than the order of its elements")
-        found = self.normal.form([self._over(node, self.replaced) for node in nodes])
+        forms = self.normal.form([self._over(node, self.replaced) for node in nodes])
         own = {_MARK + c.name: c for c in self.stand_in.state}
-        left = {name for role, name in reads(found) if role is Role.STATE and name not in own}
+        left = {name for role, name in reads(forms) if role is Role.STATE and name not in own}
         if left:
             raise Unfactored(f"something depends on {', '.join(sorted(left))} besides")
         b = self.builder
         named = {k: b.read(Role.STATE, c.name, c.type, c.least, c.most) for k, c in own.items()}
-        return tuple(self._over(node, named) for node in found)
+        return tuple(self._over(node, named) for node in forms)
 
     def _initial(self) -> list[Node]:
         """Return initial values of the mapped state: uniform ranks, and the mapped initial values of the others."""
         b = self.builder
         first = by_name(self.task.state, self.task.process.initial)
-        found = []
+        values = []
         sites: set[int] = set()
         for name in self.ranked:
             draw = _continuous(first[name])
@@ -133,13 +133,13 @@ class _Factoring:
             sites.add(draw.site)
         for c, node in zip(self.stand_in.state, self.mapped, strict=True):
             if c in self.ranked.values():
-                found.append(b.draw("permutation", (), Type(Kind.INT, c.type.shape)))
+                values.append(b.draw("permutation", (), Type(Kind.INT, c.type.shape)))
                 continue
             (start,) = self.normal.form([self._over(node, first)])
             if sites & draw_sites([start]):
                 raise Unfactored(f"'{c.name}' starts from what its ranks are drawn from")
-            found.append(start)
-        return found
+            values.append(start)
+        return values
 
 
 def _continuous(node: Node) -> Draw | None:
@@ -251,42 +251,42 @@ class LinearForms:
         terms, constant = self.terms(inner)
         if list(terms) == [id(inner)]:
             return node
-        found: Terms = {}
+        terms_moved: Terms = {}
         for term, factor in terms.values():
             part = b.structure(node.op, [term, *rest], node.static)
-            found = _added(found, {id(part): (part, 1)}, factor)
-        return self._sum(found, b.structure(node.op, [constant, *rest], node.static))
+            terms_moved = _added(terms_moved, {id(part): (part, 1)}, factor)
+        return self._sum(terms_moved, b.structure(node.op, [constant, *rest], node.static))
 
     def _sum(self, terms: Terms, constant: Node) -> Node:
         b = self.builder
-        found = None
+        total = None
         for key in sorted(terms, key=self._place):
             node, factor = terms[key]
             if factor != 1:
                 node = b.apply("mul", b.scalar(factor), node)
-            if found:
-                found = b.apply("add", found, node)
+            if total:
+                total = b.apply("add", total, node)
             else:
-                found = node
-        if found is None:
+                total = node
+        if total is None:
             return constant
         if isinstance(constant, Const) and not any(constant.flat):
-            return found
-        return b.apply("add", found, constant)
+            return total
+        return b.apply("add", total, constant)
 
     def _place(self, key: int) -> int:
         return self._order.setdefault(key, len(self._order))
 
 
 def _added(terms: Terms, others: Terms, factor: int) -> Terms:
-    found = dict(terms)
+    summed = dict(terms)
     for key, (node, count) in others.items():
-        total = found.get(key, (node, 0))[1] + factor * count
+        total = summed.get(key, (node, 0))[1] + factor * count
         if total:
-            found[key] = (node, total)
+            summed[key] = (node, total)
         else:
-            found.pop(key, None)
-    return found
+            summed.pop(key, None)
+    return summed
 
 
 # -- dependence on the order of elements ------------------------------------------------------------------------------
@@ -308,18 +308,18 @@ class Dependence(enum.IntEnum):
 
 def dependence(roots: Sequence[Node], name: str) -> list[Dependence | None]:
     """Return the dependence of expressions on a state component, a vector of reals; None if it is none of the kinds."""
-    found: dict[int, Dependence | None] = {}
+    known: dict[int, Dependence | None] = {}
     for node in walk(roots):
-        args = [found[id(c)] for c in children(node)]
+        args = [known[id(c)] for c in children(node)]
         if isinstance(node, Read) and (node.role, node.name) == (Role.STATE, name):
-            found[id(node)] = Dependence.REARRANGEMENT
+            known[id(node)] = Dependence.REARRANGEMENT
         elif all(a is Dependence.INVARIANT for a in args):
-            found[id(node)] = Dependence.INVARIANT
+            known[id(node)] = Dependence.INVARIANT
         elif isinstance(node, Apply):
-            found[id(node)] = _of_operator(node, [a for a in args if a is not None])
+            known[id(node)] = _of_operator(node, [a for a in args if a is not None])
         else:
-            found[id(node)] = None
-    return [found[id(root)] for root in roots]
+            known[id(node)] = None
+    return [known[id(root)] for root in roots]
 
 
 def _of_operator(node: Apply, args: list[Dependence]) -> Dependence | None:

@@ -118,7 +118,7 @@ def _counted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int,
 
 
 def _reductions(flags: Node, users: Users) -> list[Apply]:
-    found: list[Apply] = []
+    reductions: list[Apply] = []
     for user in users[id(flags)]:
         if not isinstance(user, Apply) or user is flags:
             return []
@@ -129,8 +129,8 @@ def _reductions(flags: Node, users: Users) -> list[Apply]:
             return []
         if not below:
             return []
-        found += below
-    return found
+        reductions += below
+    return reductions
 
 
 def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
@@ -146,10 +146,10 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
         parts = flags.args
         above = {id(flags)}
     own = [_only(part, above, users) for part in parts]
-    found = [d for d in own if d is not None]
-    if not found or len(set(map(id, found))) < len(found) or (is_vector and len(found) < 2):
+    counted = [d for d in own if d is not None]
+    if not counted or len(set(map(id, counted))) < len(counted) or (is_vector and len(counted) < 2):
         return None
-    if not is_vector and not _is_elementwise(flags, found[0]):
+    if not is_vector and not _is_elementwise(flags, counted[0]):
         return None
     never = builder.const(0, Type(Kind.REAL))
     rows = [[never if d is None else d.args[0] for d in own]]
@@ -157,7 +157,7 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
         rows.append([_given(p, d, value, builder) for p, d in zip(parts, own, strict=True)])
     args = [builder.structure("vector", row) if is_vector else row[0] for row in rows]
     args[0] = builder.stretch(args[0], flags.type.shape)
-    site = max(d.site for d in found)
+    site = max(d.site for d in counted)
     if any(d.site >= site for d in draws(args)):
         return None
     return builder.remake(Draw("total", (), INT, site), tuple(args))
@@ -220,13 +220,13 @@ def _permuted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int
 def _looks(node: Node, places: Array, users: Users) -> Iterator[tuple[Node, Array]]:
     onwards = []
     for user in users[id(node)]:
-        found = _onwards(node, user, places)
-        if found is None:
+        further = _onwards(node, user, places)
+        if further is None:
             yield node, places
             return
-        onwards.append((user, found))
-    for user, found in onwards:
-        yield from _looks(user, found, users)
+        onwards.append((user, further))
+    for user, further in onwards:
+        yield from _looks(user, further, users)
 
 
 def _onwards(node: Node, user: Node, places: Array) -> Array | None:
@@ -251,7 +251,7 @@ def _onwards(node: Node, user: Node, places: Array) -> Array | None:
 
 def _alike(n: int, looks: Sequence[Node]) -> list[int]:
     everywhere = np.broadcast_to(np.arange(n), (n, n))  # in point j, each element is j
-    found = evaluate(looks, {}, lambda _, __: everywhere)
-    columns = np.stack([v.reshape(-1, n)[0].astype(np.float64) for v in found])
+    values = evaluate(looks, {}, lambda _, __: everywhere)
+    columns = np.stack([v.reshape(-1, n)[0].astype(np.float64) for v in values])
     first: dict[bytes, int] = {}
     return [first.setdefault(column.tobytes(), i) for i, column in enumerate(np.ascontiguousarray(columns.T))]

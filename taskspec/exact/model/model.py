@@ -210,8 +210,8 @@ class Model:
             SpecError: E712 for a state that is not in the model, as no episode comes to it.
         """
         codes, outside = self.states.encode([values[c.name] for c in self.states.components], lanes)
-        found = np.minimum(np.searchsorted(self.codes, codes), self.n_states - 1)
-        missing = self.codes[found] != codes
+        indices = np.minimum(np.searchsorted(self.codes, codes), self.n_states - 1)
+        missing = self.codes[indices] != codes
         if outside is not None:
             missing |= outside
         if missing.any():
@@ -219,7 +219,7 @@ class Model:
             state = {c.name: values[c.name][..., min(at, values[c.name].shape[-1] - 1)] for c in self.states.components}
             words = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
             refuse(f"nothing is planned for {words}: no episode of {self.task.name} comes there")
-        return np.asarray(found)
+        return np.asarray(indices)
 
     def levels(self) -> Iterator[tuple[int, Array]]:
         """For each time at which an action may be taken, which states (S,) it may be taken in."""
@@ -240,9 +240,9 @@ class Model:
             rows = np.tile(states, self.n_actions).astype(np.float64)
             return np.asarray(matrix.T @ rows) > 0
         some = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
-        found = np.zeros(self.n_states, np.bool_)
-        found[_columns(matrix, some)] = True
-        return found
+        reached = np.zeros(self.n_states, np.bool_)
+        reached[_columns(matrix, some)] = True
+        return reached
 
     @cached_property
     def first_times(self) -> Array:
@@ -257,12 +257,12 @@ class Model:
     @cached_property
     def entered(self) -> Array:
         """States (S,) that some episode is ever in."""
-        found = self.start > 0
+        reached = self.start > 0
         if not self.is_timed:
-            return self._entered(found, self.acting, 0)
+            return self._entered(reached, self.acting, 0)
         for t, level in self.levels():
-            found = self._entered(found, level, t)
-        return found
+            reached = self._entered(reached, level, t)
+        return reached
 
     @cached_property
     def connected(self) -> Array:
@@ -280,29 +280,29 @@ class Model:
             return False
         return not (self.successors(self.step(0).P, self.acting) & ~self.acting).any()
 
-    def _entered(self, found: Array, acting: Array, t: int) -> Array:
+    def _entered(self, reached: Array, acting: Array, t: int) -> Array:
         for matrix in self.step(t).matrices:
-            found = found | self.successors(matrix, acting)
-        return found
+            reached = reached | self.successors(matrix, acting)
+        return reached
 
     def _first_times(self, horizon: int | None) -> Array:
-        found = np.full(self.n_states, NEVER)
+        times = np.full(self.n_states, NEVER)
         if self.is_timed:
             for t, level in self.levels():
-                found[level & (found == NEVER)] = t
-            return found
+                times[level & (times == NEVER)] = t
+            return times
         P = self.step(0).P
         level = np.flatnonzero(self.start)
         t = 0
         while len(level) and (horizon is None or t < horizon):
-            found[level] = t
+            times[level] = t
             ahead = []
             for a in range(self.n_actions):
                 columns = _columns(P, level + a * self.n_states)
-                ahead.append(distinct(columns[found[columns] == NEVER]))
+                ahead.append(distinct(columns[times[columns] == NEVER]))
             level = union(ahead)
             t += 1
-        return found
+        return times
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""

@@ -132,10 +132,10 @@ def resampled(reads: Reads, components: Iterable[tuple[Role, Component]], rng: n
     if not _count(reads):
         return {}
     lanes = rng.integers(0, _count(reads), SAMPLES)
-    found = {k: v[..., lanes] for k, v in reads.items()}
+    chosen = {k: v[..., lanes] for k, v in reads.items()}
     for role, c in components:
-        found[role, c.name] = sampled(c, SAMPLES, rng)
-    return found
+        chosen[role, c.name] = sampled(c, SAMPLES, rng)
+    return chosen
 
 
 def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:

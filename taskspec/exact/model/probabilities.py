@@ -126,10 +126,10 @@ class Reader:
 
     def computed(self, value: float) -> Fraction:
         """Return a probability that was computed in floats. Inexact: one that no short fraction explains."""
-        found = self(value)
+        fraction = self(value)
         if written(value).denominator > PLAIN:
             raise Inexact
-        return found
+        return fraction
 
 
 @lru_cache(maxsize=100_000)
@@ -208,6 +208,6 @@ class ExactProbabilities:
 
 def objects(values: list[Any]) -> Array:
     """Return numbers of any kind as an array."""
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array

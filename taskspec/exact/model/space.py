@@ -19,8 +19,8 @@ from taskspec.language.task.parts import Component, counts_of
 
 def distinct(codes: Array) -> Array:
     """Return the codes of an array (N,), sorted, each once."""
-    found = np.sort(codes)
-    return found[np.append(True, found[1:] != found[:-1])] if len(found) else found
+    ordered = np.sort(codes)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(ordered) else ordered
 
 
 def union(parts: Sequence[Array]) -> Array:
@@ -114,12 +114,12 @@ class Space:
 
     def decode(self, codes: Array, names: frozenset[tuple[Role, str]] | None = None) -> dict[tuple[Role, str], Array]:
         """Return values (*shape, N) of the components (those in `names`) from codes (N,)."""
-        found = {}
+        values = {}
         for c, strides in zip(self.components, self.strides, strict=True):
             key = (self.role, c.name)
             if names is None or key in names:
-                found[key] = self._values(c, strides, codes)
-        return found
+                values[key] = self._values(c, strides, codes)
+        return values
 
     def _values(self, c: Component, strides: Sequence[int], codes: Array) -> Array:
         parts = []

@@ -95,10 +95,10 @@ def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
     """Return an upper bound on the outcomes at one point; infinite where a draw is not finite."""
     total = 1.0
     for draw in draws:
-        found = VARIATES[draw.base].outcomes
-        if found is None:
+        outcomes = VARIATES[draw.base].outcomes
+        if outcomes is None:
             return math.inf
-        total *= found.count(draw, lambda node: interval.bounds(node, known))
+        total *= outcomes.count(draw, lambda node: interval.bounds(node, known))
     return total
 
 
@@ -128,9 +128,9 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     rest = draws[1:]
     times = so_far.numbers.times
     args = evaluate(draw.args, so_far.place(reads), so_far.sample)
-    found = VARIATES[draw.base].outcomes
-    assert found is not None
-    values, p = found.table(draw, args, so_far.numbers)
+    outcomes = VARIATES[draw.base].outcomes
+    assert outcomes is not None
+    values, p = outcomes.table(draw, args, so_far.numbers)
     if p.shape[-1] == 1 and lanes >= LOOP_FROM and so_far.origin is None:
         for k in np.flatnonzero(p[:, 0] > 0):
             drawn = {**so_far.drawn, draw.site: values[k][..., None]}
@@ -320,10 +320,10 @@ class Steps:
 
     def reads(self, states: Array, actions: Array, t: int | None) -> Reads:
         """Return what is read at points (N,) or (1,) of codes."""
-        found = self.states.decode(states, self.names) | self.actions.decode(actions, self.names)
+        values = self.states.decode(states, self.names) | self.actions.decode(actions, self.names)
         if self.uses_time:
-            found[TIME] = np.array([t], dtype=np.int64)
-        return found
+            values[TIME] = np.array([t], dtype=np.int64)
+        return values
 
     def outcomes(
         self, states: Array, actions: Array, t: int | None = None, numbers: ProbabilityArithmetic = FLOATS
@@ -343,8 +343,8 @@ class Steps:
         """Return every outcome of every action in some states (S,), sorted codes, at a time."""
         parts = []
         for a in range(self.actions.size):
-            for found in self.outcomes(codes, np.array([a]), t, numbers):
-                point, code, weight, reward, ends, outside = found.spread(len(codes))
+            for listed in self.outcomes(codes, np.array([a]), t, numbers):
+                point, code, weight, reward, ends, outside = listed.spread(len(codes))
                 column = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
                 parts.append((a * len(codes) + point, column, weight, reward, ends, ~outside))
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
@@ -358,13 +358,13 @@ class Steps:
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""
-        found = outcome_count(self.first)
+        branching = outcome_count(self.first)
         most = limits().outcomes
-        if found == math.inf:
+        if branching == math.inf:
             refuse("the start is drawn from a distribution that has infinitely many outcomes")
-        if found > most:
-            message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
-            too_large(message, how_to_raise("outcomes", found))
+        if branching > most:
+            message = f"the start has up to {branching:,.0f} outcomes; the limit is {most:,}"
+            too_large(message, how_to_raise("outcomes", branching))
         if self.states.size > MAX_CODES:
             too_large(f"there are {count_of(self.states.size)} states")
         codes = []

@@ -105,10 +105,10 @@ class EnumeratedEpisode:
         if by not in self.rows:
             misused(f"'{by}' is no kind of row here", '"state", or "observation" where observations are not drawn')
         row, count = self.rows[by]
-        found = np.zeros((len(self), count, self.probabilities.shape[1]), dtype=self.probabilities.dtype)
-        found[self.times, row] = -self.probabilities
-        found[self.times, row, self.actions] += 1
-        return found
+        gradients = np.zeros((len(self), count, self.probabilities.shape[1]), dtype=self.probabilities.dtype)
+        gradients[self.times, row] = -self.probabilities
+        gradients[self.times, row, self.actions] += 1
+        return gradients
 
 
 @dataclass(frozen=True)
@@ -167,12 +167,12 @@ def expectation(
 
 def _tidy(value: Any) -> Any:
     """Return an array, or the number that it holds; floats in an object array as float64."""
-    found = np.asarray(value)
-    if found.dtype == object and any(isinstance(x, float) for x in found.reshape(-1)):
-        found = found.astype(np.float64)
-    if found.ndim:
-        return found
-    return found.item()
+    array = np.asarray(value)
+    if array.dtype == object and any(isinstance(x, float) for x in array.reshape(-1)):
+        array = array.astype(np.float64)
+    if array.ndim:
+        return array
+    return array.item()
 
 
 class _Step(NamedTuple):

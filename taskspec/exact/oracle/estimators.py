@@ -38,12 +38,12 @@ def numbers(*values: Any) -> list[Array]:
     Returns:
         Object arrays, if some value has fractions and none has floats; else float64.
     """
-    found = [plain(value) for value in values]
-    kinds = {type(x) for each in found if each.dtype == object for x in each.reshape(-1)}
-    is_float = float in kinds or any(each.dtype.kind == "f" for each in found)
+    arrays = [plain(value) for value in values]
+    kinds = {type(x) for each in arrays if each.dtype == object for x in each.reshape(-1)}
+    is_float = float in kinds or any(each.dtype.kind == "f" for each in arrays)
     if Fraction in kinds and not is_float:
-        return [each.astype(object) for each in found]
-    return [each.astype(np.float64) for each in found]
+        return [each.astype(object) for each in arrays]
+    return [each.astype(np.float64) for each in arrays]
 
 
 def flags(*values: Any) -> list[Array]:
@@ -73,15 +73,15 @@ def next_values(values: Any, last_values: Any, terminated: Any, truncated: Any, 
     """
     values, last_values = numbers(values, last_values)
     terminated, truncated = flags(terminated, truncated)
-    found = np.concatenate([values[1:], np.broadcast_to(last_values, values[:1].shape)])
+    values_after = np.concatenate([values[1:], np.broadcast_to(last_values, values[:1].shape)])
     cut = truncated & ~terminated
     if final_values is None:
         if cut[:-1].any():
             misused("a truncated step before the last row needs the value of its last observation", "`final_values`")
     else:
         (final_values,) = numbers(final_values)
-        found = np.where(cut, final_values, found)
-    return np.where(terminated, 0, found)
+        values_after = np.where(cut, final_values, values_after)
+    return np.where(terminated, 0, values_after)
 
 
 def _followed(terminated: Array, values: Array) -> Array:
@@ -91,9 +91,9 @@ def _followed(terminated: Array, values: Array) -> Array:
 
 def _goes_on(terminated: Array, truncated: Array) -> Array:
     """Return whether the next row continues the episode, bool (T, ...): not after an end, nor after the last row."""
-    found = ~(terminated | truncated)
-    found[-1] = False
-    return found
+    continues = ~(terminated | truncated)
+    continues[-1] = False
+    return continues
 
 
 # -- returns and advantages -------------------------------------------------------------------------------------------

@@ -74,9 +74,9 @@ def _root(values: Array) -> Array:
     """Return square roots: fractions of fractions."""
     if values.dtype != object:
         return np.sqrt(values)
-    found = np.empty(values.shape, dtype=object)
-    found.reshape(-1)[:] = [_fraction_root(Fraction(value)) for value in values.reshape(-1)]
-    return found
+    roots = np.empty(values.shape, dtype=object)
+    roots.reshape(-1)[:] = [_fraction_root(Fraction(value)) for value in values.reshape(-1)]
+    return roots
 
 
 def _fraction_root(value: Fraction) -> Fraction:

@@ -82,10 +82,10 @@ def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal
 def _by_action(model: Model, reward: Any) -> Array | None:
     if reward is None:
         return None
-    found = plain(reward).astype(np.float64)
-    if found.shape != (model.n_states, model.n_actions):
-        misused(f"a reward has shape ({model.n_states}, {model.n_actions}), not {found.shape}")
-    return np.asarray(found.T)
+    rewards = plain(reward).astype(np.float64)
+    if rewards.shape != (model.n_states, model.n_actions):
+        misused(f"a reward has shape ({model.n_states}, {model.n_actions}), not {rewards.shape}")
+    return np.asarray(rewards.T)
 
 
 def _mce(model: Model, paid: Array | None) -> Callable[[int, Array], Array]:
@@ -101,13 +101,13 @@ def _mce(model: Model, paid: Array | None) -> Callable[[int, Array], Array]:
 
 def _maxent(model: Model, paid: Array | None, beta: float) -> Callable[[int, Array], Array]:
     def backup(t: int, V: Array) -> Array:
-        found = outcome_table(model, t)
-        reward = found.reward
+        table = outcome_table(model, t)
+        reward = table.reward
         if paid is not None:
-            reward = paid.reshape(-1)[found.row]
-        later = np.where(found.ends, 0.0, V[found.column])
+            reward = paid.reshape(-1)[table.row]
+        later = np.where(table.ends, 0.0, V[table.column])
         q = np.full(model.n_actions * model.n_states, -np.inf)
-        np.logaddexp.at(q, found.row, np.log(found.weight) + beta * (model.discount**t * reward + later))
+        np.logaddexp.at(q, table.row, np.log(table.weight) + beta * (model.discount**t * reward + later))
         q[np.isneginf(q)] = 0.0  # no outcome: no episode acts there
         return q.reshape(model.n_actions, model.n_states) / beta
 
@@ -133,27 +133,27 @@ def feature_expectations(task: TaskLike, policy: Any, features: Any, *, last: bo
 
     Source: Ziebart, Maas, Bagnell and Dey (2008), algorithm 1, steps 4 to 6.
     """
-    found = evaluate(task, policy)
-    model = found.model
+    evaluation = evaluate(task, policy)
+    model = evaluation.model
     if model.horizon is None:
         refuse(f"{model.task.id} has no horizon", "give it one")
     phi = plain(features).astype(np.float64)
     if phi.ndim not in (1, 2) or len(phi) != model.n_states:
         misused(f"features have shape ({model.n_states},) or ({model.n_states}, K), not {phi.shape}")
-    visits = found.occupancy.sum(axis=0)
+    visits = evaluation.occupancy.sum(axis=0)
     if last:
-        visits = visits + _last_states(found)
+        visits = visits + _last_states(evaluation)
     return np.asarray(visits @ phi)
 
 
-def _last_states(found: PolicyEvaluation) -> Array:
-    model = found.model
+def _last_states(evaluation: PolicyEvaluation) -> Array:
+    model = evaluation.model
     total = np.zeros(model.n_states)
-    for t, d in enumerate(found.occupancy):
-        acting = (found.pi[t] * d[:, None]).T.reshape(-1)
+    for t, d in enumerate(evaluation.occupancy):
+        acting = (evaluation.pi[t] * d[:, None]).T.reshape(-1)
         step = model.step(t)
         if step.P_end is not None:
             total += step.P_end.T @ acting
-        if t + 1 == len(found.occupancy):
+        if t + 1 == len(evaluation.occupancy):
             total += step.P.T @ acting
     return model.discount * total

@@ -81,11 +81,11 @@ class Seen:
         layout = self._model.task.observation_layout
         flat = [self._flat(t) for t in self.times]
         if layout.form == "discrete":
-            found = np.stack([rows[:, 0] - layout.starts[0] for rows in flat])
+            numbers = np.stack([rows[:, 0] - layout.starts[0] for rows in flat])
         else:
-            found = np.unique(np.concatenate(flat), axis=0, return_inverse=True)[1]
+            numbers = np.unique(np.concatenate(flat), axis=0, return_inverse=True)[1]
         shape = (times(self._model), self._model.n_states)
-        return np.broadcast_to(found.reshape(len(flat), -1).astype(np.int64), shape)
+        return np.broadcast_to(numbers.reshape(len(flat), -1).astype(np.int64), shape)
 
     @cached_property
     def count(self) -> int:
@@ -130,13 +130,13 @@ def _rational(table: Array) -> Array:
     """Return a table as rationals: those that are given, and the short fractions near floats."""
     read = Reader(as_written=True)
     known = {value: read(value) for value in set(table.reshape(-1).tolist())}
-    found = np.empty(table.shape, dtype=object)
-    found.reshape(-1)[:] = [known[value] for value in table.reshape(-1).tolist()]
-    if (found.sum(axis=-1) != 1).any():
+    fractions = np.empty(table.shape, dtype=object)
+    fractions.reshape(-1)[:] = [known[value] for value in table.reshape(-1).tolist()]
+    if (fractions.sum(axis=-1) != 1).any():
         misused(
             "these probabilities are no short fractions that sum to 1", "give them as fractions, or take `exact=False`"
         )
-    return found
+    return fractions
 
 
 # -- tables -----------------------------------------------------------------------------------------------------------
@@ -184,13 +184,13 @@ def _of_policy(model: Model, policy: Any) -> Array:
         rows = _of_function(model, seen, policy)
         if rows is not None:
             return rows
-    found = _tabulated(model, _acting(model.task, policy))
-    if found is None and not seen.is_known:
+    tabulated = _tabulated(model, _acting(model.task, policy))
+    if tabulated is None and not seen.is_known:
         refuse(f"observations of {model.task.id} are drawn: a policy of observations has no table over its states")
-    if found is None:
+    if tabulated is None:
         message = "the policy has no table: it remembers, or its actions vary"
         refuse(message, "a function from the observation to probabilities of actions")
-    return np.stack([found.plan(t).T for t in range(times(model))])
+    return np.stack([tabulated.plan(t).T for t in range(times(model))])
 
 
 def _acting(task: Task, policy: Any) -> TaskPolicy:
@@ -229,10 +229,10 @@ def _answer(function: Callable[[Any], Any], observations: Any, lane: int) -> Arr
 
 def _of_module(module: Any, observations: Any) -> Array:
     with evaluating(module) as torch:
-        found = module(map_parts(torch.as_tensor, observations))
-        if not hasattr(found, "probs"):
-            found = torch.distributions.Categorical(logits=found.double())
-        return plain(found.probs.double())
+        answer = module(map_parts(torch.as_tensor, observations))
+        if not hasattr(answer, "probs"):
+            answer = torch.distributions.Categorical(logits=answer.double())
+        return plain(answer.probs.double())
 
 
 def plain(values: Any) -> Array:

@@ -112,10 +112,10 @@ class PolicyEvaluation:
 def _ratio(part: Array, whole: Array) -> Array:
     """Return part / whole; nan where both are 0."""
     whole = np.broadcast_to(whole, part.shape)
-    found = np.full(part.shape, np.nan, dtype=part.dtype)
+    ratios = np.full(part.shape, np.nan, dtype=part.dtype)
     is_there = whole != 0
-    found[is_there] = part[is_there] / whole[is_there]
-    return found
+    ratios[is_there] = part[is_there] / whole[is_there]
+    return ratios
 
 
 def evaluate(task: TaskLike, policy: Any, *, exact: bool = False) -> PolicyEvaluation:
@@ -196,9 +196,9 @@ def _in_rationals(model: Model, pi: Array) -> PolicyEvaluation:
 
 
 def _fractions(values: Scaled) -> Array:
-    found = np.empty(values.parts.shape, dtype=object)
-    found.reshape(-1)[:] = [Fraction(part, values.over) for part in values.parts.reshape(-1).tolist()]
-    return found
+    fractions = np.empty(values.parts.shape, dtype=object)
+    fractions.reshape(-1)[:] = [Fraction(part, values.over) for part in values.parts.reshape(-1).tolist()]
+    return fractions
 
 
 def _moved(numbers: Rational, t: int, acting: Array) -> Array:
@@ -252,25 +252,25 @@ def policy_gradient(
     Source: R. Sutton, D. McAllester, S. Singh and Y. Mansour, Policy gradient methods (2000), theorem 1; Sutton and Barto
     (2018), equation (13.5).
     """
-    found = evaluate(task, policy, exact=exact)
-    weights = found.occupancy
+    evaluation = evaluate(task, policy, exact=exact)
+    weights = evaluation.occupancy
     if not discounted:
-        weights = _undiscounted(found, exact)
-    each = weights[..., None] * found.pi * found.A
+        weights = _undiscounted(evaluation, exact)
+    each = weights[..., None] * evaluation.pi * evaluation.A
     if by == "observation":
-        each = found._over_observations(each)
+        each = evaluation._over_observations(each)
     elif by != "state":
         misused(f"'{by}' is no kind of row", '"state" or "observation"')
     return np.asarray(each.sum(axis=0))
 
 
-def _undiscounted(found: PolicyEvaluation, exact: bool) -> Array:
+def _undiscounted(evaluation: PolicyEvaluation, exact: bool) -> Array:
     """Return Pr(S_t = s) (T, S) from gamma^t Pr(S_t = s)."""
-    if found.model.horizon is None:
-        refuse(f"{found.task.id} has no horizon: states may be visited infinitely often")
-    gamma: Any = found.model.discount
+    if evaluation.model.horizon is None:
+        refuse(f"{evaluation.task.id} has no horizon: states may be visited infinitely often")
+    gamma: Any = evaluation.model.discount
     if exact:
         gamma = Reader(as_written=True)(gamma)
     if gamma == 0:
         misused("with a discount of 0 later states have no weight to take away")
-    return np.stack([d / gamma**t for t, d in enumerate(found.occupancy)])
+    return np.stack([d / gamma**t for t, d in enumerate(evaluation.occupancy)])

@@ -55,13 +55,13 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     name = policy
     if not isinstance(policy, str):
         name = getattr(policy, "__name__", type(policy).__name__)
-    found = policy
+    given = policy
     if isinstance(policy, str):
-        found = function_of(policy)
-    if hasattr(found, "predict"):
-        return Predictor(task, found, deterministic=True, name=name)
-    if callable(found):
-        return ObservationFunction(task, found, name=name)
+        given = function_of(policy)
+    if hasattr(given, "predict"):
+        return Predictor(task, given, deterministic=True, name=name)
+    if callable(given):
+        return ObservationFunction(task, given, name=name)
     unknown(name, ("a function of the observation", "an object with `predict`"))
 
 
@@ -116,7 +116,7 @@ class ObservationPolicy(TaskPolicy):
         if rows.shape[1] != size:
             hint = "give the action itself, as `env.step` takes it: not a value for each action"
             misused(f"an action is {plural(size, 'number')} on {self.task.id}; the policy gave {rows.shape[1]}", hint)
-        found = {}
+        chosen = {}
         for c, segment in zip(self.task.action, self.actions.segments, strict=True):
             values = rows[:, segment.first : segment.first + segment.size]
             if segment.starts:
@@ -125,8 +125,8 @@ class ObservationPolicy(TaskPolicy):
                 whole = values.astype(np.float64)
             else:
                 whole = np.rint(values).astype(np.int64)
-            found[c.name] = whole.T.reshape(*c.type.shape, lanes)
-        return found
+            chosen[c.name] = whole.T.reshape(*c.type.shape, lanes)
+        return chosen
 
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
         """Return probabilities float64 (N, A) of actions, first component slowest; None where they are unknown.
@@ -148,27 +148,27 @@ class ObservationPolicy(TaskPolicy):
         if self.sees_time:
             times = model.horizon or 1
         for asked, answer in asks.items():
-            found = []
+            tables = []
             for t in range(times):
                 table = answer(model, t)
                 if table is None:
                     break
-                found.append(table)
+                tables.append(table)
             else:
-                return Tabulated(timed(found), asked)
+                return Tabulated(timed(tables), asked)
         return None
 
     def _probabilities(self, model: Model, t: int) -> Array | None:
         """Return probabilities (A, S) at a time; None where they are unknown."""
         states = states_of(model)
-        found = self.probabilities(self.observe(states, t, np.random.default_rng(0)), legal_rows(self.task, states))
-        if found is None:
+        pi = self.probabilities(self.observe(states, t, np.random.default_rng(0)), legal_rows(self.task, states))
+        if pi is None:
             return None
-        is_right = found.shape == (model.n_states, model.n_actions) and (found >= 0).all()
-        if not is_right or not np.allclose(found.sum(axis=1), 1):
+        is_right = pi.shape == (model.n_states, model.n_actions) and (pi >= 0).all()
+        if not is_right or not np.allclose(pi.sum(axis=1), 1):
             form = f"rows of {model.n_actions} probabilities that sum to 1, one for each observation"
             misused(f"`action_probabilities` gives {form}")
-        return found.T
+        return pi.T
 
     def _constant(self, model: Model, t: int) -> Array | None:
         """Return actions as probabilities (A, S); None for a policy that remembers, or whose actions vary."""
@@ -179,10 +179,10 @@ class ObservationPolicy(TaskPolicy):
 
         if self.may_explore:
             return None
-        found = unvaried(ask)
+        answer = unvaried(ask)
         if self.memory is not None:
             return None
-        return found
+        return answer
 
 
 class Predictor(ObservationPolicy):
@@ -228,14 +228,14 @@ class Predictor(ObservationPolicy):
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
         if self.deterministic:
             return None
-        found: Array | None
+        pi: Array | None
         if self.gives_probabilities:
-            found = np.asarray(plain(self.gives_probabilities(self.normalise(observations))), np.float64)
+            pi = np.asarray(plain(self.gives_probabilities(self.normalise(observations))), np.float64)
         else:
-            found = _sb3_probabilities(self.policy, self.normalise(observations))
-        if found is None or legal is None:
-            return found
-        return restricted(found, legal)
+            pi = _sb3_probabilities(self.policy, self.normalise(observations))
+        if pi is None or legal is None:
+            return pi
+        return restricted(pi, legal)
 
 
 class ProbabilisticPolicy(ObservationPolicy):
@@ -262,12 +262,12 @@ class ProbabilisticPolicy(ObservationPolicy):
         return np.stack(np.unravel_index(index, self.actions.counts), axis=1)
 
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array:
-        found = np.asarray(self.function(observations), np.float64)
+        pi = np.asarray(self.function(observations), np.float64)
         if self.is_greedy:
-            return greedy(found, legal)
+            return greedy(pi, legal)
         if legal is None:
-            return found
-        return restricted(found, legal)
+            return pi
+        return restricted(pi, legal)
 
 
 class ObservationFunction(ObservationPolicy):
@@ -343,10 +343,10 @@ class StateFunction(TaskPolicy):
             return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
 
         def plan(t: int) -> Array:
-            found = unvaried(partial(ask, t), ASKS if t == 0 else 2)
-            if found is None:
+            table = unvaried(partial(ask, t), ASKS if t == 0 else 2)
+            if table is None:
                 raise Varies
-            return found
+            return table
 
         return Tabulated(plan, "actions")
 
@@ -389,10 +389,10 @@ def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
     if not (hasattr(actor, "get_distribution") and hasattr(actor, "obs_to_tensor")):
         return None
     actor.set_training_mode(False)
-    found = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
-    parts = [found]
-    if isinstance(found, list):
-        parts = found
+    distribution = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
+    parts = [distribution]
+    if isinstance(distribution, list):
+        parts = distribution
     if any(type(part).__name__ not in ("Categorical", "MaskableCategorical") for part in parts):
         return None
     rows = [plain(part.probs).astype(np.float64) for part in parts]

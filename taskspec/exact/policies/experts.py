@@ -127,15 +127,15 @@ class Expert:
     def _remembered(self, batch: list[Any], steps: Array, state: Any) -> list[list[tuple[Any, ...]]]:
         if self.memory is None:
             return [[] for _ in batch]
-        found = []
+        memories = []
         size = len(self.memory.components)
         for i, (observation, t) in enumerate(zip(batch, steps, strict=True)):
             before = []
             if t != 0:
                 before = [tuple(part[i].tolist()) for part in state[1:]]
             seen = spaces.unpack(self.observation, observation)
-            found.append(recall(self.task, self.memory, seen, before[:size], before[size:], int(t)))
-        return found
+            memories.append(recall(self.task, self.memory, seen, before[:size], before[size:], int(t)))
+        return memories
 
     def _choose(
         self, observation: Any, t: int, memory: list[tuple[Any, ...]], deterministic: bool
@@ -175,12 +175,12 @@ class Expert:
 
 
 def _shown_by(task: Task, wanted: set[str]) -> dict[str, int]:
-    found: dict[str, int] = {}
+    shown: dict[str, int] = {}
     for i, node in enumerate(task.observation.nodes):
         name = component(node)
         if name is not None:
-            found.setdefault(name, i)
-    missing = [c.name for c in task.state if c.name in wanted and c.name not in found]
+            shown.setdefault(name, i)
+    missing = [c.name for c in task.state if c.name in wanted and c.name not in shown]
     if missing:
         refuse(f"the expert of {task.name} looks at {', '.join(missing)}, which the observation does not show")
-    return found
+    return shown

@@ -114,11 +114,11 @@ def function_of(name: str, form: str = "(observation)") -> Any:
         form: the function's parameters, for a hint.
     """
     path, attribute = place_of(name)
-    found = getattr(_module(path), attribute, None)
-    if not (callable(found) or hasattr(found, "predict")):
+    function = getattr(_module(path), attribute, None)
+    if not (callable(function) or hasattr(function, "predict")):
         message = f"'{path}' has no function '{attribute}', nor an object of that name with `predict`"
         raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}{form}: ...")])
-    return found
+    return function
 
 
 def _module(path: Path) -> Any:

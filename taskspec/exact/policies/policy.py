@@ -233,10 +233,10 @@ def unknown(name: str, others: tuple[str, ...] = (), known: Iterable[str] = NAME
 
 def parsed(name: str) -> tuple[str, float | None]:
     """Return the kind of a name and its number; None where it has none."""
-    found = _CALL.fullmatch(name)
+    match = _CALL.fullmatch(name)
     try:
-        if found:
-            return (found[1], float(found[2]))
+        if match:
+            return (match[1], float(match[2]))
         return (name, None)
     except ValueError:
         return name, None
@@ -308,7 +308,7 @@ class RandomPolicy(NamedPolicy):
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
         """Return uniform actions, from one word for each number; only legal ones, where the task tells them apart."""
-        found: dict[str, Array] = {}
+        actions: dict[str, Array] = {}
         if self.task.mask:
             return legal_at_random(self.task, states, words[0])
         first = 0
@@ -322,8 +322,8 @@ class RandomPolicy(NamedPolicy):
             else:
                 values = low + (high - low) * draws.uniforms(own).astype(np.float64)
             kind = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}[c.type.kind]
-            found[c.name] = values.astype(kind).reshape(*c.type.shape, words.shape[-1])
-        return found
+            actions[c.name] = values.astype(kind).reshape(*c.type.shape, words.shape[-1])
+        return actions
 
     def plan(self, model: Model) -> Plan:
         return uniform_plan(model)

@@ -74,10 +74,10 @@ def is_table(policy: Any) -> bool:
 def _value(results: Results, policy: TaskPolicy) -> PolicyValue:
     model = results.model
     if model is not None and model.task is policy.task:
-        found = policy.tabulate(model)
+        tabulated = policy.tabulate(model)
         try:
-            if found is not None:
-                return PolicyValue(Return(solve.policy_return(model, found.plan)), found.asked)
+            if tabulated is not None:
+                return PolicyValue(Return(solve.policy_return(model, tabulated.plan)), tabulated.asked)
         except Varies:
             pass
 
@@ -335,8 +335,8 @@ def score(
     if returns is not None:
         value = Return.estimated(_numbers(returns))
         return Score(value, measured.normalise(value.value), measured, "returns")
-    found = policy_value(Results(task, episodes, seed), policy, deterministic)
-    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
+    valued = policy_value(Results(task, episodes, seed), policy, deterministic)
+    return Score(valued.value, measured.normalise(valued.value.value), measured, valued.asked)
 
 
 def _numbers(returns: Sequence[float]) -> Array:

@@ -87,15 +87,15 @@ class Rollout:
     def _values(
         self, roots: Sequence[Expression], reads: Mapping[Key, Array], layout: WordLayout, words: Array
     ) -> list[Array]:
-        found = evaluate(roots, reads, batch_sampler(layout, words))
-        return [_spread(v, self.lanes) for v in found]
+        values = evaluate(roots, reads, batch_sampler(layout, words))
+        return [_spread(v, self.lanes) for v in values]
 
 
 def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) -> dict[Key, Array]:
-    found: dict[Key, Array] = {(Role.STATE, name): value for name, value in state.items()}
-    found |= {(Role.ACTION, name): value for name, value in action.items()}
-    found[TIME] = np.array([t], dtype=np.int64)
-    return found
+    reads: dict[Key, Array] = {(Role.STATE, name): value for name, value in state.items()}
+    reads |= {(Role.ACTION, name): value for name, value in action.items()}
+    reads[TIME] = np.array([t], dtype=np.int64)
+    return reads
 
 
 def is_bounded(task: Task) -> bool:
@@ -265,17 +265,17 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
     layout = WordLayout.of(roots)
     words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
     *following, terminal = evaluate(roots, reads, batch_sampler(layout, words))
-    found = {c.read: v for c, v in zip(task.state, following, strict=True)}
-    found[TIME] = reads[TIME] + 1
+    given = {c.read: v for c, v in zip(task.state, following, strict=True)}
+    given[TIME] = reads[TIME] + 1
     going = np.broadcast_to(ends | ~terminal, (lanes,))
     for c in task.state:
-        value = found[c.read]
+        value = given[c.read]
         low, high = (np.reshape(ends, (*c.type.shape, 1)) for ends in (c.low, c.high))
         inside = (value >= low) & (value <= high)
         going = going & inside.reshape(-1, inside.shape[-1]).all(axis=0)
     if task.horizon is not None:
-        going = going & (found[TIME] < task.horizon + ends)
-    return _picked(found, going)
+        going = going & (given[TIME] < task.horizon + ends)
+    return _picked(given, going)
 
 
 def _within(c: Component, values: Array) -> Array:

@@ -46,8 +46,8 @@ def mean_interval(mean: float, error: float, count: int, low: float, high: float
     if count > 1:
         log = math.log(8 / risk)
         reach = min(reach, error * math.sqrt(2 * log) + 7 * width * log / (3 * (count - 1)))
-    found = Enclosure.around(mean, reach * (1 + 1e-9) + 1e-9 * abs(mean))
-    return Enclosure(max(found.low, Enclosure.exactly(low).low), min(found.high, Enclosure.exactly(high).high))
+    interval = Enclosure.around(mean, reach * (1 + 1e-9) + 1e-9 * abs(mean))
+    return Enclosure(max(interval.low, Enclosure.exactly(low).low), min(interval.high, Enclosure.exactly(high).high))
 
 
 CONFIDENCE = 0.95
@@ -176,9 +176,9 @@ def _rate_quantiles(successes: int, count: int, levels: tuple[float, ...]) -> Ar
 
 def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     count = len(values)
-    found = _two_values(values)
-    if found is not None:
-        bottom, top, successes = found
+    two = _two_values(values)
+    if two is not None:
+        bottom, top, successes = two
         return bottom + (top - bottom) * _rate_quantiles(successes, count, levels)
     error = float(values.std(ddof=1)) / math.sqrt(count)
     return values.mean() + error * _student_quantiles(count - 1, levels)
@@ -197,9 +197,9 @@ def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
         return np.full(len(levels), math.sqrt(variance))
     if count < 5:
         return np.full(len(levels), np.nan)
-    found = _two_values(values)
-    if found is not None:
-        bottom, top, successes = found
+    two = _two_values(values)
+    if two is not None:
+        bottom, top, successes = two
         rate = _rate_quantiles(successes, count, levels)
         return (top - bottom) * np.sqrt(rate * (1 - rate) * count / (count - 1))
     trimmed = int(count / (2 * math.sqrt(count - 4)))
@@ -280,7 +280,7 @@ def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool
     sizes = np.where(only_below, np.maximum(-sizes, 0.0), np.abs(sizes))
     together = _share_as_large((sizes**2).sum(axis=1))
     p_value = together
-    found: dict[int, Difference] = {}
+    by_metric: dict[int, Difference] = {}
     order = np.argsort(-sizes[0], kind="stable").tolist()
     for i, j in enumerate(order):
         largest = sizes[:, order[i:]].max(axis=1)
@@ -288,11 +288,11 @@ def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool
         p_value = max(p_value, _share_as_large(largest))
         known = is_known[:, j]
         low, high = _welch_interval(scores[is_first & known, j], scores[~is_first & known, j])
-        found[j] = Difference(float(effects[0, j]), low, high, p_value)
-    largest_one = found[order[0]]
+        by_metric[j] = Difference(float(effects[0, j]), low, high, p_value)
+    largest_one = by_metric[order[0]]
     if largest_one.p_value > ALARM >= together:
-        found[order[0]] = replace(largest_one, p_value=together, is_together=True)
-    return [found[j] for j in range(scores.shape[1])]
+        by_metric[order[0]] = replace(largest_one, p_value=together, is_together=True)
+    return [by_metric[j] for j in range(scores.shape[1])]
 
 
 def compared(
@@ -325,11 +325,11 @@ def _permutations(is_first: Array) -> Array:
     else:
         rng = np.random.default_rng(SEED)
         chosen = rng.random((MOST_PERMUTATIONS, rows)).argsort(axis=1)[:, :size]
-    found = np.zeros((len(chosen), rows), bool)
-    np.put_along_axis(found, chosen, True, axis=1)
+    orders = np.zeros((len(chosen), rows), bool)
+    np.put_along_axis(orders, chosen, True, axis=1)
     if len(chosen) < MOST_PERMUTATIONS:
-        found = found[(found != is_first).any(axis=1)]
-    return np.vstack([is_first, found])
+        orders = orders[(orders != is_first).any(axis=1)]
+    return np.vstack([is_first, orders])
 
 
 def sign_flip_p_value(gains: Sequence[float]) -> float:

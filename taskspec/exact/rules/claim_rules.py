@@ -116,9 +116,9 @@ def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr],
         case s.Name(id=name) if name in PLAIN_MODELS:
             return PLAIN_MODELS[name]()
         case s.Call(function="soft" | "maxent" | "zero_terminal_value" as name, args=(argument,)):
-            found = number(argument)
-            value = found.low
-            if not (found.is_exact and isinstance(value, Fraction)):
+            parameter = number(argument)
+            value = parameter.low
+            if not (parameter.is_exact and isinstance(value, Fraction)):
                 raise InvalidClaim("a decision model takes a number that is known exactly", argument)
             if name == "zero_terminal_value":
                 return Greedy(value)
@@ -176,8 +176,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return self.reader.ambiguous or self.results.is_ambiguous
 
     def negated(self, operand: s.Expr, expr: s.Expr) -> Truth[Reason]:
-        found = super().negated(operand, expr)
-        return Truth(found.holds, (Reason(found.evidence[-1].text, expr),))
+        truth = super().negated(operand, expr)
+        return Truth(truth.holds, (Reason(truth.evidence[-1].text, expr),))
 
     def statement(self, expr: s.Expr) -> Truth[Reason]:
         holds: bool | None
@@ -197,11 +197,11 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def comparison(self, expr: s.Compare) -> Truth[Reason]:
         """Return one reason for the whole chain: all of its parts if it holds, otherwise the part that decides."""
-        found = super().comparison(expr)
-        text = found.evidence[-1].text
-        if found.holds:
-            text = "; ".join(reason.text for reason in found.evidence)
-        return Truth(found.holds, (Reason(text, expr),))
+        truth = super().comparison(expr)
+        text = truth.evidence[-1].text
+        if truth.holds:
+            text = "; ".join(reason.text for reason in truth.evidence)
+        return Truth(truth.holds, (Reason(text, expr),))
 
     def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Reason]:
         a = self.number(left)
@@ -265,14 +265,14 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
     def _folded(self, expr: s.Expr) -> Enclosure:
         task = self.results.task
         try:
-            found = checked(expr, task)
+            node = checked(expr, task)
         except InvalidClaim as error:
             self._refuse_misplaced(expr)
             if isinstance(expr, s.Name):
                 error.hint = suggest(expr.id, [*RESULTS, *task.values])
             raise
-        value = constant(found)
-        if value is None or not found.type.is_scalar:
+        value = constant(node)
+        if value is None or not node.type.is_scalar:
             raise InvalidClaim("this depends on the state; a claim is about the task as a whole", expr)
         return self.constant(value)
 
@@ -306,9 +306,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 return best_observing(self.results, which, self.terms.as_written)
             except SpecError as error:
                 raise Undecidable(f"'{name}' cannot be worked out: {error.diagnostics[0].message}", expr) from None
-        found = self.results.enclosure(which, self.terms.as_written)
-        if found is not None:
-            return found
+        value = self.results.enclosure(which, self.terms.as_written)
+        if value is not None:
+            return value
         sample = self.results.sample(which, self.terms.episodes)
         if sample is None:
             why = self.results.why_not or "its range of actions has no end"
@@ -329,28 +329,28 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         written = f"{expr.function}({', '.join(names)})"
         if len(expr.args) > len(names):
             raise InvalidClaim(f"{written} was given {len(expr.args)} arguments", expr)
-        found = dict(zip(names, expr.args, strict=False))
+        given = dict(zip(names, expr.args, strict=False))
         for name, value in expr.keywords:
             if name not in names:
                 hint = None
                 if self._is_bound(name):
                     hint = f"`==` compares: `{name} == {value.place.written}`"
                 raise InvalidClaim(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value, hint)
-            found[name] = value
+            given[name] = value
         for name in required:
-            if name not in found:
+            if name not in given:
                 raise InvalidClaim(f"{expr.function} needs '{name}': {written}", expr)
-        return found
+        return given
 
     def _under(self, claim: s.Expr) -> s.Expr | None:
         written = self.options.get("under")
         if written is None:
             return None
         text = s.SourceText(str(written), lambda start, end: claim.place.span)
-        found = parse_into(text, Collector())
-        if found is None:
+        expr = parse_into(text, Collector())
+        if expr is None:
             raise InvalidClaim(f"`under: {written}` is not a decision model", claim)
-        return found
+        return expr
 
     def _under_model(self, expr: s.Expr, decides: s.Expr | None) -> tuple[Model, Rule, Solver]:
         results, rule = self._decided(expr, decides)
@@ -375,8 +375,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
     def _probability(self, expr: s.Call) -> Enclosure:
         given = self._arguments(expr, ("condition", "under"), ("condition",))
         model, rule, solver = self._under_model(expr, given.get("under") or self._under(expr))
-        found = solver.probability(rule, condition_over_states(given["condition"], model))
-        return Enclosure(max(found.low, Fraction(0)), min(found.high, Fraction(1)))
+        chance = solver.probability(rule, condition_over_states(given["condition"], model))
+        return Enclosure(max(chance.low, Fraction(0)), min(chance.high, Fraction(1)))
 
     def _measure(self, expr: s.Call) -> Enclosure:
         given = self._arguments(expr, ("name", "under"), ("name",))
@@ -415,9 +415,9 @@ def _sides(left: s.Expr, a: Enclosure, right: s.Expr, b: Enclosure, holds: bool 
             shown[i] = f"between {digits(each.low, 17)} and {digits(each.high, 17)}"
             if each.is_exact:
                 shown[i] = digits(each.low, 17)
-    found = []
+    sides = []
     for expr, value in zip((left, right), shown, strict=True):
         text = expr.place.written
         if not isinstance(expr, s.Number) and text and text != value:
-            found.append(f"{text} is {value}")
-    return ", ".join(found)
+            sides.append(f"{text} is {value}")
+    return ", ".join(sides)

@@ -52,8 +52,8 @@ class Verdict:
 
     def record(self) -> dict[str, Any]:
         """Return it as plain data for JSON."""
-        found = {"claim": self.claim.text, "parameters": dict(self.parameters), "status": self.status}
-        return found | {"detail": self.detail, "episodes": self.episodes}
+        data = {"claim": self.claim.text, "parameters": dict(self.parameters), "status": self.status}
+        return data | {"detail": self.detail, "episodes": self.episodes}
 
 
 def verdicts(
@@ -80,12 +80,12 @@ def verdicts(
                     known[key] = results_of(modify(other, *task.modifiers))
                 except SpecError as error:
                     known[key] = error
-            found = known[key]
-            if isinstance(found, SpecError):
-                wrong = wrong_setting(task, "claims", number, case, found)
+            verdict = known[key]
+            if isinstance(verdict, SpecError):
+                wrong = wrong_setting(task, "claims", number, case, verdict)
                 yield Verdict(claim, case, "broken", wrong.message, diagnostic=wrong)
             else:
-                yield decide(claim, found, case)
+                yield decide(claim, verdict, case)
 
 
 def _key(values: Mapping[str, Any]) -> str:
@@ -188,7 +188,7 @@ def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any]
         number: of the claim or example.
         error: raised when the task was built with these values.
     """
-    found = error.diagnostics[0]
+    first = error.diagnostics[0]
     merged = merge(task.source.document, task.source.variant)
     path: Path = (section, number)
     span = merged.key_span(path)
@@ -201,14 +201,14 @@ def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any]
             entries = [((*path, i), entry) for i, entry in enumerate(grid)]
         for start, entry in entries:
             for name in case:
-                is_unknown = f"has no parameter '{name}'" in found.message
+                is_unknown = f"has no parameter '{name}'" in first.message
                 at = (*start, name)
                 if name in entry and is_unknown:
                     span = merged.key_span(at)
-                elif name in entry and found.message.startswith(f"parameter {name} "):
+                elif name in entry and first.message.startswith(f"parameter {name} "):
                     value = entry[name]
                     if value == case[name]:
                         span = merged.span(at)
                     elif isinstance(value, list) and case[name] in value:
                         span = merged.span((*at, value.index(case[name])))
-    return Diagnostic(CODES[section], span, found.message, found.hint)
+    return Diagnostic(CODES[section], span, first.message, first.hint)

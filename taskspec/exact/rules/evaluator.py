@@ -81,18 +81,18 @@ def combine(op: str, parts: Iterable[Truth[Evidence]], stops_early: bool = False
         stops_early: whether parts after one that decides are left out; otherwise all of them are evidence.
     """
     deciding = op == "or"
-    found = []
+    truths = []
     for part in parts:
-        found.append(part)
+        truths.append(part)
         if stops_early and part.holds is deciding:
             break
     holds: bool | None = not deciding
-    values = [part.holds for part in found]
+    values = [part.holds for part in truths]
     if deciding in values:
         holds = deciding
     elif None in values:
         holds = None
-    return Truth(holds, evidence_for(holds, found))
+    return Truth(holds, evidence_for(holds, truths))
 
 
 def evidence_for(holds: bool | None, parts: Iterable[Truth[Evidence]]) -> tuple[Evidence, ...]:
@@ -121,13 +121,13 @@ class Evaluator(ABC, Generic[Number, Evidence]):
     def comparison(self, expr: s.Compare) -> Truth[Evidence]:
         """Return whether each side of a chain of comparisons compares with the next."""
         pairs = itertools.pairwise([("", expr.first), *expr.rest])
-        found = (self.compared(left, op, right, expr) for (_, left), (op, right) in pairs)
-        return combine("and", found, self.stops_early)
+        truths = (self.compared(left, op, right, expr) for (_, left), (op, right) in pairs)
+        return combine("and", truths, self.stops_early)
 
     def negated(self, operand: s.Expr, expr: s.Expr) -> Truth[Evidence]:
         """Return whether a condition does not hold; `expr` is the whole, with `not`."""
-        found = self.truth(operand)
-        return Truth(None if found.holds is None else not found.holds, found.evidence)
+        truth = self.truth(operand)
+        return Truth(None if truth.holds is None else not truth.holds, truth.evidence)
 
     def number(self, expr: s.Expr) -> Number:
         """Return the value of a number."""
@@ -188,10 +188,10 @@ def checked(expr: s.Expr, task: Task) -> Expression:
 
 
 def condition(expr: s.Expr, task: Task) -> Expression:
-    found = checked(expr, task)
-    if found.type != BOOL or is_random([found]):
+    node = checked(expr, task)
+    if node.type != BOOL or is_random([node]):
         raise InvalidClaim("a condition on states and actions is needed here", expr)
-    return found
+    return node
 
 
 def condition_over_states(expr: s.Expr, model: Model) -> Array:
@@ -244,11 +244,11 @@ def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed
             here &= at(t)[0]
         if not here.any():
             continue
-        found = solver.numbers.preference(policy, wanted(t))
+        preference = solver.numbers.preference(policy, wanted(t))
         asked |= here
-        settled |= here & (found == 1)
-        unknown |= here & (found == UNKNOWN)
-        wrong = np.flatnonzero(here & (found == -1))
+        settled |= here & (preference == 1)
+        unknown |= here & (preference == UNKNOWN)
+        wrong = np.flatnonzero(here & (preference == -1))
         if len(wrong):
             state = int(wrong[0])
             column = solver.numbers.table(policy)[:, state]

@@ -159,9 +159,9 @@ def compare_probability(asked: Sequence[Consequence], chance: Fraction, example:
     elif expected is None or len(expected.values) > 1:
         collector.add("E613", example.place, "with a probability, give one value for each name")
     else:
-        found = actual.probability(expected.values[0])
-        if not _are_equal(found, chance):
-            message = f"this has a probability of {_number(found)}, not {_number(chance)}"
+        probability = actual.probability(expected.values[0])
+        if not _are_equal(probability, chance):
+            message = f"this has a probability of {_number(probability)}, not {_number(chance)}"
             collector.add("E611", (example.probability or example).place, message)
 
 
@@ -186,11 +186,11 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
                     )
                 except SpecError as error:
                     known[key] = error
-            found = known[key]
-            if isinstance(found, SpecError):
-                problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, found),)
+            listed = known[key]
+            if isinstance(listed, SpecError):
+                problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, listed),)
             else:
-                problems = _Trial(found, found.annotations.examples[i]).problems()
+                problems = _Trial(listed, listed.annotations.examples[i]).problems()
             for problem in problems:
                 if case:
                     note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
@@ -225,7 +225,9 @@ class _Trial:
         if horizon is not None and self.example.t >= horizon + (not self.example.steps):
             message = f"no step is taken after {self.example.t} others: the horizon is {horizon}"
             self.collector.add("E613", self.example.place, message)
-        asked = [found for follows in self.example.follows if (found := self._consequence(follows)) is not None]
+        asked = [
+            consequence for follows in self.example.follows if (consequence := self._consequence(follows)) is not None
+        ]
         chance = self._chance()
         if self.collector.diagnostics:
             return
@@ -240,11 +242,11 @@ class _Trial:
         """State, action and time as constants; None for those that are wrong, which is reported."""
         components = {(Role.STATE, c.name): c for c in self.task.remembering().state}
         components |= {(Role.ACTION, c.name): c for c in self.task.action}
-        found: dict[tuple[Role, str], Expression | None] = {
+        values: dict[tuple[Role, str], Expression | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()
         }
-        found[TIME] = self.builder.scalar(self.example.t)
-        return found
+        values[TIME] = self.builder.scalar(self.example.t)
+        return values
 
     def _value(self, c: Component, expr: Any) -> Expression | None:
         node = assign(self.checker, expr, self.fixed, c)

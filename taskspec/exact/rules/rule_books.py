@@ -61,11 +61,11 @@ def read_exam(path: str | os.PathLike[str]) -> RuleBook:
 
 def read_findings(path: str | os.PathLike[str]) -> RuleBook:
     """Read the findings in a file; the exam beside it says which tasks are the same."""
-    found = _read(Path(path), FindingsDocument, "entries", "holds")
+    book = _read(Path(path), FindingsDocument, "entries", "holds")
     exam = Path(path).parent / EXAM
     if not exam.is_file():
-        return found
-    return replace(found, same=read_exam(exam).same)
+        return book
+    return replace(book, same=read_exam(exam).same)
 
 
 def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:

@@ -95,10 +95,10 @@ class RuleNames:
     @property
     def all_groups(self) -> dict[str, tuple[str, ...]]:
         """The members of all groups by name; `tasks` and `learners` need not be declared."""
-        found = {"tasks": self.tasks}
+        groups = {"tasks": self.tasks}
         if self.learners:
-            found["learners"] = self.learners
-        return self.groups | found
+            groups["learners"] = self.learners
+        return self.groups | groups
 
 
 # -- scores ---------------------------------------------------------------------------------------
@@ -119,20 +119,20 @@ def side(score: Mapping[str, Any]) -> str:
 
 def seed_means(records: Iterable[Mapping[str, Any]], number: Callable[[Any], float | None]) -> dict[int, float]:
     """Return a number for each seed, in order: the mean over its records that have one."""
-    found: dict[int, list[float]] = defaultdict(list)
+    numbers: dict[int, list[float]] = defaultdict(list)
     for record in records:
         value = number(record)
         if value is not None:
-            found[record["seed"]].append(float(value))
-    return {seed: float(np.mean(found[seed])) for seed in sorted(found)}
+            numbers[record["seed"]].append(float(value))
+    return {seed: float(np.mean(numbers[seed])) for seed in sorted(numbers)}
 
 
 def short_name(task: str) -> str:
     """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
-    found = _VERSIONED.fullmatch(task)
-    if found is None:
+    match = _VERSIONED.fullmatch(task)
+    if match is None:
         return task
-    return found[1] + (found[2] or "")
+    return match[1] + (match[2] or "")
 
 
 class SeedScores:
@@ -180,17 +180,17 @@ class SeedScores:
             of = f"{learner} on " * bool(learner)
             sides = {"printed": task, "twin": f"twins of {task}"}
             raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
-        found = np.array(list(by_seed.values()))
+        array = np.array(list(by_seed.values()))
         if entry in ("deterministic", "stochastic") and self.floor is not None:
-            found = np.maximum(found, self.floor)
-        return found
+            array = np.maximum(array, self.floor)
+        return array
 
     def constant(self, task: str) -> float:
         """Return the score of the best constant action."""
-        found = self.tasks.get(task, {}).get("constant")
-        if found is None:
+        score = self.tasks.get(task, {}).get("constant")
+        if score is None:
             raise Undecidable(f"the best constant action of {task} is not known")
-        return float(found)
+        return float(score)
 
     def about_learner(self, name: str, what: str) -> float:
         """Return a number of the one learner that there is, of those in `ABOUT_LEARNER`.
@@ -319,10 +319,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
             return Truth(self._holds(op, difference))
         low, high = difference.interval
-        found = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
-        self.made.append(found)
+        comparison = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
+        self.made.append(comparison)
         eased = difference.map(np.add, Estimate.exactly(self._slack(op, (left, right))))
-        return Truth(self._holds(op, eased), (found,))
+        return Truth(self._holds(op, eased), (comparison,))
 
     def _holds(self, op: str, difference: Estimate) -> bool | None:
         ends: list[Any] = list(difference.interval_at(self.confidence))
@@ -349,7 +349,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         if not self.bound:
             return written
         variables = rf"\b({'|'.join(map(re.escape, self.bound))})\b"
-        return re.sub(variables, lambda found: self.bound[found[1]], written)
+        return re.sub(variables, lambda match: self.bound[match[1]], written)
 
     def constant(self, value: int | float) -> Estimate:
         return Estimate.exactly(float(value))
@@ -406,11 +406,11 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         key = (name, learner, task, side)
         if key not in self._known:
             values = self.scores.values(learner, task, side, NUMBERS[name].entry)
-            found = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+            interval = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
             if self.of_means:
-                self._known[key] = Estimate.exactly(found.value)
+                self._known[key] = Estimate.exactly(interval.value)
             else:
-                self._known[key] = found
+                self._known[key] = interval
         return self._known[key]
 
     def _member(self, expr: s.Expr, kind: str) -> str:
@@ -479,8 +479,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     def _passes(self, expr: s.Expr) -> bool:
         match expr:
             case s.Logical(op=op, operands=operands):
-                found = list(map(self._passes, operands))
-                return {"and": all, "or": any}[op](found)
+                passed = list(map(self._passes, operands))
+                return {"and": all, "or": any}[op](passed)
             case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
                 return (self.bound[name] in self._members(others)) is (op == "in")
             case s.Compare(first=s.Name(id=name), rest=(("==" | "!=" as op, other),)) if name in self.bound:

@@ -89,8 +89,8 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
         refuse("the task is too large for rational arithmetic, or its probabilities are no rationals")
     key = (which, as_written)
     if key not in results.searched:
-        found = SEARCHES[which](numbers, seen).value()
-        results.searched[key] = Enclosure(found.low, min(found.high, solver.best().high))
+        best = SEARCHES[which](numbers, seen).value()
+        results.searched[key] = Enclosure(best.low, min(best.high, solver.best().high))
     return results.searched[key]
 
 

@@ -102,10 +102,10 @@ def action_gaps(model: Model) -> Array:
             worse &= model.legal
         gap = numbers.top(q).value - q.value
         gaps.append(gap[worse])
-    found = np.concatenate(gaps)
-    if not len(found):
+    all_gaps = np.concatenate(gaps)
+    if not len(all_gaps):
         refuse("every action is optimal")
-    return found
+    return all_gaps
 
 
 def _optimal_action_values(model: Model) -> Iterator[tuple[Array, Bounded, Bound]]:
@@ -195,10 +195,10 @@ class Gorp:
         target = np.full(shape, END)
         paid = np.zeros(shape)
         for t in range(len(self.model.steps)):
-            found = outcome_table(self.model, t)
-            place = (t, found.row // n, found.row % n)
-            target[place] = np.where(found.ends, END, found.column)
-            paid[place] = found.reward
+            table = outcome_table(self.model, t)
+            place = (t, table.row // n, table.row % n)
+            target[place] = np.where(table.ends, END, table.column)
+            paid[place] = table.reward
         target[:, :, ~self.model.acting] = END
         paid[:, :, ~self.model.acting] = 0.0
         unit = _unit(np.unique(paid))
@@ -214,12 +214,12 @@ class Gorp:
         ends = []
         for extreme in (np.min, np.max):
             value = np.zeros(self.model.n_states + 1, np.int64)  # the last one belongs to `END`
-            found = [0]
+            depths = [0]
             for t in reversed(range(self.horizon)):
                 later = self.reward[self.at(t)] + value[self.target[self.at(t)]]
                 value = np.append(extreme(later, axis=0), 0)
-                found.append(int(extreme(value)))
-            ends.append(int(extreme(found)))
+                depths.append(int(extreme(value)))
+            ends.append(int(extreme(depths)))
         return ends[0], ends[1]
 
     @cached_property
@@ -232,33 +232,33 @@ class Gorp:
             refuse("random episodes have too many different returns")
         last = np.zeros((n + 1, width))
         last[:, -low] = 1.0
-        found = [last]
+        levels = [last]
         for t in reversed(range(self.horizon)):
             now = np.zeros_like(last)
             now[END] = last[END]
             for target, paid in zip(self.target[self.at(t)], self.reward[self.at(t)], strict=True):
                 for reward in np.unique(paid):
                     states = np.flatnonzero(paid == reward)
-                    now[states] += _shifted(found[-1][target[states]], int(reward)) / self.model.n_actions
-            found.append(now)
-        return found[::-1]
+                    now[states] += _shifted(levels[-1][target[states]], int(reward)) / self.model.n_actions
+            levels.append(now)
+        return levels[::-1]
 
     def sequences(self, t: int, state: int, k: int) -> Sequences:
         """Return the sequences of k actions from a state; fewer where the horizon ends them."""
-        found: Sequences = Counter()
+        counted: Sequences = Counter()
         for a in range(self.model.n_actions):
-            found[a, int(self.target[self.at(t), a, state]), int(self.reward[self.at(t), a, state])] += 1
+            counted[a, int(self.target[self.at(t), a, state]), int(self.reward[self.at(t), a, state])] += 1
         for later in range(t + 1, min(t + k, self.horizon)):
             longer: Sequences = Counter()
-            for (first, s, paid), number in found.items():
+            for (first, s, paid), number in counted.items():
                 if s == END:
                     longer[first, END, paid] += number * self.model.n_actions
                     continue
                 for a in range(self.model.n_actions):
                     reward = int(self.reward[self.at(later), a, s])
                     longer[first, int(self.target[self.at(later), a, s]), paid + reward] += number
-            found = longer
-        return found
+            counted = longer
+        return counted
 
     def choice(self, t: int, state: int, k: int, m: int) -> Array:
         """Return the probabilities (A,) with which GORP(k, m) takes each action in a state."""
@@ -338,12 +338,12 @@ def _unit(values: Iterable[float]) -> float:
 
 def _shifted(rows: Array, by: int) -> Array:
     """Return distributions (..., W) of numbers that are larger by a number; what is shifted out has probability 0."""
-    found = np.zeros_like(rows)
+    shifted = np.zeros_like(rows)
     if by >= 0:
-        found[..., by:] = rows[..., : rows.shape[-1] - by]
+        shifted[..., by:] = rows[..., : rows.shape[-1] - by]
     else:
-        found[..., :by] = rows[..., -by:]
-    return found
+        shifted[..., :by] = rows[..., -by:]
+    return shifted
 
 
 def _power(row: Array, m: int) -> Array:

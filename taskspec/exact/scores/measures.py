@@ -71,8 +71,8 @@ def _pays(model: Model, t: int) -> Array:
     step = model.step(t)
     paid = step.R != 0
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
-        found = outcome_table(model, t)
-        paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
+        table = outcome_table(model, t)
+        paid = np.bincount(table.row, table.reward != 0, len(paid)) > 0
     return np.asarray(model.among_legal(paid.reshape(model.n_actions, model.n_states), False), np.float64)
 
 
@@ -123,11 +123,11 @@ class RandomSteps:
 
     def _listed(self, t: int) -> StepOutcomes:
         n = self.model.n_states
-        found = self.steps.table(self.model.codes, t)
+        table = self.steps.table(self.model.codes, t)
         uniform = self.model.uniform
-        acting = self.model.acting[found.row % n] & (uniform.reshape(-1)[found.row] > 0)
-        keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
-        (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
+        acting = self.model.acting[table.row % n] & (uniform.reshape(-1)[table.row] > 0)
+        keys = (table.row % n, table.column, table.ends, table.reward.astype(np.float64))
+        (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], table.weight[acting])
         first = np.searchsorted(state, np.arange(n + 1))
         number = np.count_nonzero(uniform, axis=0)  # of actions
         return StepOutcomes(state, target, reward, ends, weight / number[state], first)
@@ -139,16 +139,16 @@ def reward_chance(model: Model) -> float:
     n = model.n_states
 
     def backup(t: int, later: Array) -> Array:
-        found = steps.at(t)
-        hit = np.where(found.ends, 0.0, later[found.target])
-        hit[found.reward != 0] = 1.0
-        return np.bincount(found.state, found.weight * hit, n)
+        outcomes = steps.at(t)
+        hit = np.where(outcomes.ends, 0.0, later[outcomes.target])
+        hit[outcomes.reward != 0] = 1.0
+        return np.bincount(outcomes.state, outcomes.weight * hit, n)
 
     if model.horizon is not None:
         return float(model.start @ first_values(backward(backup, lambda t, V: V, np.zeros(n), model.horizon)))
-    found = steps.at(0)
-    unpaid = (found.reward == 0) & ~found.ends
-    entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
+    outcomes = steps.at(0)
+    unpaid = (outcomes.reward == 0) & ~outcomes.ends
+    entries = (outcomes.weight[unpaid], (outcomes.state[unpaid], outcomes.target[unpaid]))
     matrix = sparse.csr_array(entries, shape=(n, n))
     now = backup(0, np.zeros(n))
     return float(model.start @ chain_values(matrix, now, leading_to(matrix, now > 0)))
@@ -191,18 +191,20 @@ def best_chance(model: Model) -> float:
         sure = off <= factor * least[t][state] + slack
         total += float(weight[sure].sum())
         is_open = ~sure & (off <= factor * most[t][state] + slack)
-        found = steps.at(t)
-        first = found.first[state[is_open]]
-        counts = found.first[state[is_open] + 1] - first
+        outcomes = steps.at(t)
+        first = outcomes.first[state[is_open]]
+        counts = outcomes.first[state[is_open] + 1] - first
         spent += int(counts.sum())
         if spent > limits().seconds * RATE:
             refuse("random episodes have too many different returns", how_to_raise("seconds", 10 * limits().seconds))
         entry = entries_of(first, counts)
-        missing = np.repeat(missing[is_open], counts) - np.rint(factor * found.reward[entry] / grain).astype(np.int64)
-        weight = np.repeat(weight[is_open], counts) * found.weight[entry]
-        ends = found.ends[entry]
+        missing = np.repeat(missing[is_open], counts) - np.rint(factor * outcomes.reward[entry] / grain).astype(
+            np.int64
+        )
+        weight = np.repeat(weight[is_open], counts) * outcomes.weight[entry]
+        ends = outcomes.ends[entry]
         total += float(weight[ends & (missing * grain <= slack)].sum())
-        (state, missing), weight = merge_outcomes([found.target[entry][~ends], missing[~ends]], weight[~ends])
+        (state, missing), weight = merge_outcomes([outcomes.target[entry][~ends], missing[~ends]], weight[~ends])
         factor *= model.discount
     return total + float(weight[missing * grain <= slack].sum())
 
@@ -211,9 +213,9 @@ def _extremes(steps: RandomSteps, horizon: int, extreme: np.ufunc) -> list[Array
     n = steps.model.n_states
 
     def backup(t: int, value: Array) -> Array:
-        found = steps.at(t)
-        later = np.where(found.ends, 0.0, value[found.target])
-        return np.asarray(found.reward + steps.model.discount * later)
+        table = steps.at(t)
+        later = np.where(table.ends, 0.0, value[table.target])
+        return np.asarray(table.reward + steps.model.discount * later)
 
     def choose(t: int, outcomes: Array) -> Array:
         first = steps.at(t).first

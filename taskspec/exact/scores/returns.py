@@ -112,14 +112,14 @@ class Return:
     @classmethod
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
         """Return the mean of the returns (N,) of episodes."""
-        found = np.asarray(returns, dtype=np.float64)
+        sample = np.asarray(returns, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # returns, or their squares, may be infinite
-            mean = float(found.mean())
+            mean = float(sample.mean())
             deviation = math.inf
-            if len(found) > 1:
-                deviation = float(found.std(ddof=1))
-        error = deviation / math.sqrt(len(found))
-        return cls(mean, math.inf if math.isnan(error) else error, len(found))
+            if len(sample) > 1:
+                deviation = float(sample.std(ddof=1))
+        error = deviation / math.sqrt(len(sample))
+        return cls(mean, math.inf if math.isnan(error) else error, len(sample))
 
 
 class Results(InNotebooks):
@@ -190,18 +190,18 @@ class Results(InNotebooks):
     @property
     def why_not(self) -> str | None:
         """The reason why there is no exact model, or why some return is unknown; None if there is none."""
-        found = self._extracted
+        extracted = self._extracted
         reasons = [self.unsettled]
-        if isinstance(found, SpecError):
-            reasons.insert(0, found.diagnostics[0].message)
+        if isinstance(extracted, SpecError):
+            reasons.insert(0, extracted.diagnostics[0].message)
         return " and ".join(filter(None, reasons)) or None
 
     @property
     def remedy(self) -> str | None:
         """A hint how to get an exact model, where there is none."""
-        found = self._extracted
-        if isinstance(found, SpecError):
-            return found.diagnostics[0].hint
+        extracted = self._extracted
+        if isinstance(extracted, SpecError):
+            return extracted.diagnostics[0].hint
         return None
 
     @cached_property
@@ -258,10 +258,10 @@ class Results(InNotebooks):
             refuse("the abstraction has no measures")
         if name not in self._paid:
             self._paid[name] = Solvers(with_reward(self.model, self.task.process.measures[name]))
-        found = expectation(self.solvers, rule, self._paid[name], as_written)
-        if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
+        value = expectation(self.solvers, rule, self._paid[name], as_written)
+        if not (math.isfinite(rounded(value.low)) and math.isfinite(rounded(value.high))):
             refuse(why_endless(self._paid[name].in_floats))
-        return found
+        return value
 
     @cached_property
     def _opposite(self) -> Results:
@@ -275,10 +275,10 @@ class Results(InNotebooks):
 
         Of several best or worst actions each is taken as often. None where a policy does not exist, or is not known.
         """
-        found: dict[str, dict[str, Return | None]] = {}
+        by_policy: dict[str, dict[str, Return | None]] = {}
         for name in self.task.process.measures:
-            found[name] = {which: self._measure(name, which) for which in ("optimal", "random", "worst", "expert")}
-        return found
+            by_policy[name] = {which: self._measure(name, which) for which in ("optimal", "random", "worst", "expert")}
+        return by_policy
 
     def _measure(self, name: str, which: str) -> Return | None:
         if which == "expert" and self.remembering is not self:
@@ -315,28 +315,28 @@ class Results(InNotebooks):
         return self._return("expert")
 
     def _return(self, which: str) -> Return | None:
-        found = self.enclosure(which)
-        if found is None:
+        value = self.enclosure(which)
+        if value is None:
             return self.sample(which)
-        return Return(found.value, bound=found.error)
+        return Return(value.value, bound=value.error)
 
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
         """Return bounds of the optimal, worst, random or expert return; None without a model, or if it may be infinite."""
         if which == "expert" and self.remembering is not self:
-            found = self.remembering.enclosure(which, as_written)
+            value = self.remembering.enclosure(which, as_written)
             self.unsettled = self.remembering.why_not
-            return found
+            return value
         key = (which, as_written)
         if key not in self._enclosures:
             try:
-                found = self._enclosed(which, as_written)
+                value = self._enclosed(which, as_written)
             except (SpecError, NoNumber) as error:
                 if isinstance(error, SpecError):
                     self.unsettled = error.diagnostics[0].message
                 else:
                     self.unsettled = str(error)
-                found = None
-            self._enclosures[key] = found
+                value = None
+            self._enclosures[key] = value
         return self._enclosures[key]
 
     def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
@@ -344,16 +344,16 @@ class Results(InNotebooks):
             return None
         if which == "worst":
             solver = self.solvers.of(None, as_written)
-            found = solver.worst()
+            value = solver.worst()
         else:
             rule = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}[which]
             if rule is None:
                 return None
             solver = self.solvers.of(rule, as_written)
-            found = solver.value(rule)
-        if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
+            value = solver.value(rule)
+        if not (math.isfinite(rounded(value.low)) and math.isfinite(rounded(value.high))):
             refuse(why_endless(solver))
-        return found
+        return value
 
     def sample(self, which: str, episodes: int | None = None) -> Return | None:
         """Return the simulated random or expert return; None where episodes do not end, and for other returns."""

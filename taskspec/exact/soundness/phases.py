@@ -309,13 +309,13 @@ class _Parameters:
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         b = self.where.builder
-        found = [b.cast(n, Kind.REAL) for n in map(self.where.number, exprs) if n is not None]
-        if len(found) < len(exprs) or draws(found) or are_constant(found):
+        probabilities = [b.cast(n, Kind.REAL) for n in map(self.where.number, exprs) if n is not None]
+        if len(probabilities) < len(exprs) or draws(probabilities) or are_constant(probabilities):
             return
-        terms = found[0]
+        terms = probabilities[0]
         if not terms.type.shape:
-            terms = b.structure("vector", found)
-        for expr, node in zip(exprs, found, strict=True):
+            terms = b.structure("vector", probabilities)
+        for expr, node in zip(exprs, probabilities, strict=True):
             yield self._check("E402", node, 0.0, 1.0, "a probability", expr)
         yield self._check("E401", b.apply("sum", terms), 1.0, 1.0, "the sum of the probabilities", self.written.expr)
 

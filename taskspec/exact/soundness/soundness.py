@@ -289,12 +289,12 @@ def _new(diagnostics: Sequence[Diagnostic], task: Task, limit: int) -> list[Diag
     if not diagnostics:
         return []
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
-    found = []
+    fresh = []
     for diagnostic in diagnostics:
         if (diagnostic.code, diagnostic.span) not in known:
             known.add((diagnostic.code, diagnostic.span))
-            found.append(diagnostic)
-    return found
+            fresh.append(diagnostic)
+    return fresh
 
 
 def cases(task: Task) -> list[dict[str, Any]]:

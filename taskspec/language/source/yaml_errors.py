@@ -238,7 +238,7 @@ def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProb
         return  # one pair in a list: `[a: b]`
     without = []
     for key, value in node.entries:
-        if isinstance(value, nodes.ScalarNode) and _is_absent(value):
+        if isinstance(value, nodes.ScalarNode) and value.style == "plain" and not value.value:
             without.append(key)
     if without and len(without) == len(node.entries) and ":" not in text[node.start : node.end]:
         yield _brace(text, node, in_flow=True)
@@ -256,10 +256,6 @@ def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProb
         problem = nodes.TextProblem("E107", key.start, key.end, message, hint)
         if not any(cut.covers(problem) for cut in cuts):
             yield problem
-
-
-def _is_absent(value: nodes.ScalarNode) -> bool:
-    return value.style == "plain" and not value.value
 
 
 def _cut(text: str, pieces: Sequence[nodes.Node]) -> Iterator[nodes.TextProblem]:

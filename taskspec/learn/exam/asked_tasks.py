@@ -48,12 +48,12 @@ def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[T
         known |= {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if wanted is None:
         wanted = [name for suite in suites for name in names_in(suite)]
-    found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
-    ids = [exam_id(task) for task in found]
+    tasks = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
+    ids = [exam_id(task) for task in tasks]
     for i, name in enumerate(ids):
         if name in ids[:i]:
             raise SpecError([Diagnostic("E713", None, f"{name} is given twice", "an exam has each task once")])
-    return found
+    return tasks
 
 
 def names_in(suite: str) -> list[str]:

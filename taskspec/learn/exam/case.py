@@ -47,9 +47,9 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     as_written = None
     if task.written_as is not None:
         as_written = withheld(task.written_as, learns_from, sign)
-    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})
-    found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
-    return replace(found, source=source, written_as=as_written)
+    bare = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})
+    bare = bare.with_annotations(expert=None, memory=None, claims=(), examples=())
+    return replace(bare, source=source, written_as=as_written)
 
 
 # Preferences between trajectories, although the rewards of neither are shown.
@@ -320,16 +320,16 @@ class Case:
         if self._judge.annotations.expert is None:
             policy = "optimal"
         seed = (self.seed + 1 << 32) + (1 << 31)
-        found = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
-        self.spent.demonstrations = len(found)
+        shown = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
+        self.spent.demonstrations = len(shown)
         if "preferences" in self.learns_from:
-            self._oracle.keep(found.obs, found.acts, found.next_obs, found.rews)
-        assert found.task is not None
-        task = withheld(found.task, self.learns_from)
+            self._oracle.keep(shown.obs, shown.acts, shown.next_obs, shown.rews)
+        assert shown.task is not None
+        task = withheld(shown.task, self.learns_from)
         if "reward" in self.learns_from:
-            return replace(found, task=task)
-        metadata = {name: value for name, value in found.metadata.items() if name != "return"}
-        return replace(found, rews=np.zeros_like(found.rews), task=task, metadata=metadata)
+            return replace(shown, task=task)
+        metadata = {name: value for name, value in shown.metadata.items() if name != "return"}
+        return replace(shown, rews=np.zeros_like(shown.rews), task=task, metadata=metadata)
 
     def prefer(self, first: Any, second: Any, temperature: float = 0.0) -> float:
         """Return which of two trajectories, or segments, is better by true return: 1.0 the first, 0.0 the second, 0.5

@@ -91,8 +91,8 @@ def compare(exams: Mapping[str, Exam]) -> LearnersComparison:
     names = list(exams)
     for i, one in enumerate(names):
         for other in names[i + 1 :]:
-            found = _estimated(_probability, runs[one], runs[other], most=1.0)
-            pairs.append(PairComparison(first=one, second=other, probability=found))
+            estimate = _estimated(_probability, runs[one], runs[other], most=1.0)
+            pairs.append(PairComparison(first=one, second=other, probability=estimate))
     return LearnersComparison(tasks=tasks, learners=summaries, pairs=pairs)
 
 
@@ -158,10 +158,10 @@ def _estimated(
     return Estimated(value=value, low=low, high=min(most, value + half))
 
 
-def lines(found: LearnersComparison) -> list[list[Any]]:
+def lines(comparison: LearnersComparison) -> list[list[Any]]:
     """Return a row of texts for each learner: name, IQM with its interval, share of runs above 0.5 and 0.9, steps to 0.9."""
     rows = []
-    for each in found["learners"]:
+    for each in comparison["learners"]:
         iqm = each["iqm"]
         above = dict(zip(LEVELS, each["profile"], strict=True))
         steps = ""

@@ -36,11 +36,11 @@ class TrainingReturns:
     @property
     def points(self) -> list[list[float]]:
         """Points of steps and the mean return; without parts in which no episode ended."""
-        found = []
+        curve = []
         for part in np.flatnonzero(self.counts).tolist():
             steps = float(round((part + 1) * self.width))
-            found.append([steps, float(self.totals[part] / self.counts[part])])
-        return found
+            curve.append([steps, float(self.totals[part] / self.counts[part])])
+        return curve
 
 
 class EpisodeReturns:
@@ -67,10 +67,10 @@ class EpisodeReturns:
         self.totals = self.totals + np.where(takes_part, self.weights * rewards, 0.0)
         self.weights = np.where(takes_part, self.weights * self.discount, self.weights)
         ended = is_over & takes_part
-        found = self.totals[ended]
+        returns = self.totals[ended]
         self.totals = np.where(ended, 0.0, self.totals)
         self.weights = np.where(ended, 1.0, self.weights)
-        return found
+        return returns
 
 
 def area(curve: Curve | None) -> float | None:

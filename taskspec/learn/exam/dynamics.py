@@ -163,10 +163,10 @@ class Behaviour:
     def last_states(self) -> Array:
         """Number of episodes (S,) that are over in each state."""
         s = self.dynamics
-        found: Array = s.P.T @ (self.pi * self.at_limit).reshape(-1)
+        states: Array = s.P.T @ (self.pi * self.at_limit).reshape(-1)
         if s.P_end is not None:
-            found = found + s.P_end.T @ (self.pi * self.total).reshape(-1)
-        return found
+            states = states + s.P_end.T @ (self.pi * self.total).reshape(-1)
+        return states
 
     @cached_property
     def after_end(self) -> Array:
@@ -242,9 +242,9 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
         P = P.toarray()
         if P_end is not None:
             P_end = P_end.toarray()
-    found = Dynamics(model, gamma, P, P_end, step.R.reshape(shape), changed, model.acting)
+    dynamics = Dynamics(model, gamma, P, P_end, step.R.reshape(shape), changed, model.acting)
     uniform = np.full(shape, 1 / model.n_actions)
-    return replace(found, acted=found.visits(uniform).sum(axis=0) > 0)
+    return replace(dynamics, acted=dynamics.visits(uniform).sum(axis=0) > 0)
 
 
 class EpsilonGreedy:

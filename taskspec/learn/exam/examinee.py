@@ -117,10 +117,10 @@ def _imported(place: str) -> tuple[Any, str]:
     module, _, name = place.partition(":")
     path = _file_of(place)
     try:
-        found = getattr(importlib.import_module(module), name, None)
+        train = getattr(importlib.import_module(module), name, None)
     except Exception as error:
         raise _not_importable(module, error) from error
-    return found, hashlib.sha256(place.encode()).hexdigest() if path is None else code_hash(path, name)
+    return train, hashlib.sha256(place.encode()).hexdigest() if path is None else code_hash(path, name)
 
 
 def _file_of(place: str) -> Path | None:
@@ -134,12 +134,12 @@ def _file_of(place: str) -> Path | None:
     if folder not in sys.path:
         sys.path.insert(0, folder)
     try:
-        found = importlib.util.find_spec(module)
+        spec = importlib.util.find_spec(module)
     except Exception as error:  # of the packages that it is in
         raise _not_importable(module, error) from error
-    if found is None or found.origin is None or not found.origin.endswith(".py"):
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
         return None
-    return Path(found.origin).resolve()
+    return Path(spec.origin).resolve()
 
 
 def _not_importable(module: str, error: Exception) -> SpecError:
@@ -160,10 +160,10 @@ def train_at(place: str, content: str) -> Callable[[Any], Any]:
     path = _file_of(place)
     if path is not None:
         _forget(path)
-    found = learner_of(place)
-    if found.content != content:
+    examinee = learner_of(place)
+    if examinee.content != content:
         raise SpecError([Diagnostic("E711", None, f"{place} has changed since the exam began", "run it again")])
-    return found.trainer()
+    return examinee.trainer()
 
 
 def _forget(path: Path) -> None:

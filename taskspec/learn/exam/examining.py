@@ -159,17 +159,17 @@ def examine(
             numbers = numbers[:1]
             trials.twins = 0
             trials.peeks = False
-        found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
+        exam = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
         declared = getattr(who.train, "obeys", ())
-        laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
-    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
+        laws_found = _with_laws(trials, asked, _tried(laws, declared), exam)
+    exam["flags"] = [*flags(exam["tasks"], exam["scores"], baseline), *learned_flags(exam["scores"])]
     if laws_found:
-        found["laws"] = laws_found
-        found["flags"] += law_flags(laws_found, declared)
-    _diagnose(found, suites, baseline)
+        exam["laws"] = laws_found
+        exam["flags"] += law_flags(laws_found, declared)
+    _diagnose(exam, suites, baseline)
     if folder is not None:
-        write(found, folder)
-    return found
+        write(exam, folder)
+    return exam
 
 
 def _check_counts(counts: Mapping[str, int | None]) -> None:
@@ -185,14 +185,14 @@ def _processes(who: Examinee, running: Running) -> AbstractContextManager[Worker
     return Workers(running.workers)
 
 
-def _diagnose(found: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
+def _diagnose(exam: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
     """Add diagnoses, those that are nearly made, and flags for those that the baseline does not get."""
-    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
-    found["undecided"] = [each for name in suites for each in undecided(found, name)]
+    exam["diagnoses"] = [each for name in suites for each in diagnose(exam, name)]
+    exam["undecided"] = [each for name in suites for each in undecided(exam, name)]
     if baseline is not None:
-        found["undecided"] += almost(found["tasks"], found["scores"], baseline)
+        exam["undecided"] += almost(exam["tasks"], exam["scores"], baseline)
         for name in suites:
-            found["flags"] += [diagnosis_flag(found, each) for each in new_diagnoses(found, baseline, name)]
+            exam["flags"] += [diagnosis_flag(exam, each) for each in new_diagnoses(exam, baseline, name)]
 
 
 def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, ...]:
@@ -235,13 +235,13 @@ def _looked_at(
         plan += added
         rows += trials.run(added)
         begin = end
-        found = _exam(trials.who, suite, plan, rows, about)
-        found["verdicts"] = verdicts(found["tasks"], found["scores"], len(ends))
-        unsure = [each["tasks"] for each in found["verdicts"].values() if each["verdict"] == "unsure"]
+        exam = _exam(trials.who, suite, plan, rows, about)
+        exam["verdicts"] = verdicts(exam["tasks"], exam["scores"], len(ends))
+        unsure = [each["tasks"] for each in exam["verdicts"].values() if each["verdict"] == "unsure"]
         open_tasks = [task for names in unsure for task in names]
         if not open_tasks:
             break
-    return found
+    return exam
 
 
 def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
@@ -253,17 +253,17 @@ def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
     return ()
 
 
-def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], found: Exam) -> list[LawScore]:
+def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], exam: Exam) -> list[LawScore]:
     changed = changed_tasks(asked, laws, exam_id)
     if not changed:
         return []
     others = {each.name: each.changed for each in changed}
-    plan = trials.plan(others.values(), tuple(found["seeds"]), 0, False)
+    plan = trials.plan(others.values(), tuple(exam["seeds"]), 0, False)
     rows = trials.run(plan)
     trials.twins = 0
     measured = trials.measured(others)
     about = {name: _examined(task, measured[name]) for name, task in others.items()}
-    return law_scores(changed, found, _exam(trials.who, "", plan, rows, about))
+    return law_scores(changed, exam, _exam(trials.who, "", plan, rows, about))
 
 
 # The plan, and the jobs that it consists of.
@@ -390,10 +390,10 @@ class _Trials:
         for job in jobs.values():
             if known[job.key].status != "done":
                 raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
-        found = {}
+        by_task = {}
         for name, tasks in variants.items():
-            found[name] = [known[jobs[task.content_hash].key].value for task in tasks]
-        return found
+            by_task[name] = [known[jobs[task.content_hash].key].value for task in tasks]
+        return by_task
 
 
 def _trained_here(planned: Planned, who: Examinee) -> list[Row]:
@@ -427,26 +427,26 @@ def _exam(
     for name in ("steps", "demonstrations", "comparisons", "seconds"):
         cost[name] = float(sum(s[name] or 0 for s in scores))
     where = machine()
-    found = Exam(
+    exam = Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
         transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
         command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
         tasks=tasks, scores=scores, verdicts={}, flags=[], diagnoses=[], cost=cost,
     )  # fmt: skip
-    return cast(Exam, ShownExam(found))
+    return cast(Exam, ShownExam(exam))
 
 
 def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
-    found, *twins = measured
-    constants = found["constants"]
+    own, *twins = measured
+    constants = own["constants"]
     worst = constants
     if twins and constants:
         on_twins = np.mean([twin["constants"] for twin in twins], axis=0).tolist()
         worst = [min(pair) for pair in zip(constants, on_twins, strict=True)]
     return Examined(
         capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
-        random=_finite(found["random"]), expert=_finite(found["expert"]), optimal=_finite(found["optimal"]),
-        worst=_finite(found["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
+        random=_finite(own["random"]), expert=_finite(own["expert"]), optimal=_finite(own["optimal"]),
+        worst=_finite(own["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
     )  # fmt: skip
 
 

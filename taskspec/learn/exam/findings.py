@@ -144,11 +144,11 @@ def _decided(evaluator: ScoreEvaluator, condition: Expr) -> tuple[Truth[Comparis
     then needs an interval of 1 - 5 % / k (the first step of Holm, 1979).
     """
     made: list[Comparison] = []
-    found = replace(evaluator, made=made).truth(condition)
-    if found.holds is not None and len(found.evidence) < len(made):
+    decided = replace(evaluator, made=made).truth(condition)
+    if decided.holds is not None and len(decided.evidence) < len(made):
         confidence = 1 - (1 - CONFIDENCE) / len(made)
-        found = replace(evaluator, confidence=confidence).truth(condition)
-    return found, len(made)
+        decided = replace(evaluator, confidence=confidence).truth(condition)
+    return decided, len(made)
 
 
 def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
@@ -160,15 +160,15 @@ def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
     Raises:
         SpecError: E713 for two exams of a learner on one task.
     """
-    found: dict[str, dict[str, dict[str, Any]]] = {}
+    sets: dict[str, dict[str, dict[str, Any]]] = {}
     for place, exam in exams.items():
-        known = found.setdefault(place.parent.name, {}).setdefault(place.name, {"tasks": {}, "scores": []})
+        known = sets.setdefault(place.parent.name, {}).setdefault(place.name, {"tasks": {}, "scores": []})
         for task in exam["tasks"]:
             if task in known["tasks"]:
                 raise spec_error("E713", f"two exams of {place.parent.name}/{place.name} are about {task}")
         known["tasks"] |= exam["tasks"]
         known["scores"] += exam["scores"]
-    return found
+    return sets
 
 
 def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_actions: bool = False) -> ScoreEvaluator:
@@ -239,7 +239,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     if holding & alone:
         holding &= alone
     explained = [each.names for each in explanations(exam["scores"]) if each.kind == "values"]
-    found: list[Diagnosis] = []
+    diagnoses: list[Diagnosis] = []
     for rule in book.rules:
         entry = rule.entry
         if not isinstance(entry, DiagnosisEntry) or rule.name not in holding:
@@ -248,13 +248,13 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         if not holding & set(entry.unless) and not is_contradicted:
             evidence = truths[rule.name].evidence
             tasks = dict.fromkeys(task for each in evidence for task in each.tasks)
-            found.append({
+            diagnoses.append({
                 "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
                 "source": _cited(entry, book.references),
                 "tasks": [scores.ids[task] for task in tasks if task in scores.ids],
                 "evidence": [str(each) for each in evidence],
             })  # fmt: skip
-    return found
+    return diagnoses
 
 
 def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosis]:
@@ -291,14 +291,14 @@ def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
     scores = SeedScores({ONE: exam}, same=book.same)
     truths = _truths(book, scores)
     at_means = _truths(book, scores, of_means=True)
-    found = []
+    names = []
     for rule in book.rules:
         evidence = truths[rule.name].evidence
         is_open = truths[rule.name].holds is None and at_means[rule.name].holds
         if is_open and isinstance(rule.entry, DiagnosisEntry) and all(math.isfinite(each.margin) for each in evidence):
             nearest = min(evidence, key=lambda each: each.margin)
-            found.append(f"{rule.entry.message} ({nearest})")
-    return found
+            names.append(f"{rule.entry.message} ({nearest})")
+    return names
 
 
 def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[str, Truth[Comparison]]:
@@ -309,10 +309,10 @@ def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[
 def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:
     """Return a source as a line of text: authors, year, title, and the place in it."""
     key = entry.source.key
-    found = references.get(key)
+    reference = references.get(key)
     source = key
-    if found is not None:
-        source = f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
+    if reference is not None:
+        source = f"{reference.authors} ({reference.plain('year')}). {reference.plain('title')}"
     if entry.source.where:
         return f"{source}, {entry.source.where}"
     return source

@@ -30,13 +30,13 @@ GAP = 0.35
 """Space between families, as a part of a square."""
 
 
-def outcomes(found: FindingsResult) -> Chart:
+def outcomes(findings: FindingsResult) -> Chart:
     """Draw the outcome of every finding, by the learners that it is about and by the set of results."""
     families: dict[str, list[FindingResult]] = {}
-    for each in found.results:
+    for each in findings.results:
         families.setdefault(each.entry.about or "all", []).append(each)
     columns = max(map(len, families.values()))
-    rows = (len(found.sets) + GAP) * len(families) + 1
+    rows = (len(findings.sets) + GAP) * len(families) + 1
     width, height = SQUARE
     with chart.style():
         figure = chart.figure(LEFT + columns * width, rows * height)
@@ -47,7 +47,7 @@ def outcomes(found: FindingsResult) -> Chart:
         y = 0.0
         for family, members in families.items():
             axes.text(-LEFT / width, y + 0.5, family, va="center", weight="bold")
-            for name in found.sets:
+            for name in findings.sets:
                 axes.text(-0.2, y + 0.5, name, va="center", ha="right", color=chart.MUTED)
                 for x, each in enumerate(members):
                     outcome = each.outcome(name)
@@ -57,15 +57,15 @@ def outcomes(found: FindingsResult) -> Chart:
             y += GAP
         key = ",  ".join(f"{sign} {outcome}" for outcome, sign in SIGNS.items())
         axes.text(-LEFT / width, y + 0.5, key, va="center", color=chart.MUTED)
-    return Chart(figure, _described(found))
+    return Chart(figure, _described(findings))
 
 
-def _described(found: FindingsResult) -> str:
+def _described(findings: FindingsResult) -> str:
     parts = []
-    for name in found.sets:
-        counts = ", ".join(f"{count} {outcome}" for outcome, count in found.counts(name).items() if count)
+    for name in findings.sets:
+        counts = ", ".join(f"{count} {outcome}" for outcome, count in findings.counts(name).items() if count)
         parts.append(f"{name}: {counts}")
-    return f"Outcomes of {len(found.results)} findings by learners. {'; '.join(parts)}"
+    return f"Outcomes of {len(findings.results)} findings by learners. {'; '.join(parts)}"
 
 
 STYLES: dict[Outcome, str] = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
@@ -81,11 +81,11 @@ EVIDENCE = (
 PICTURE = "findings.svg"
 
 
-def write(found: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Path]:
+def write(findings: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Path]:
     """Write findings as Markdown, HTML and JSON.
 
     Args:
-        found: the findings with their outcomes.
+        findings: the findings with their outcomes.
         exams: whose results they are of.
         folder: made if need be.
 
@@ -95,36 +95,36 @@ def write(found: FindingsResult, exams: Sequence[Exam], folder: Path) -> list[Pa
     origin = setups(exams)
     drawn = chart.is_available()
     texts = {
-        "md": markdown(found, origin, PICTURE if drawn else ""),
-        "html": html(found, origin),
-        "json": visible_json(found.data) + "\n",
+        "md": markdown(findings, origin, PICTURE if drawn else ""),
+        "html": html(findings, origin),
+        "json": visible_json(findings.data) + "\n",
     }
     paths = []
     for suffix, content in texts.items():
         paths.append(folder / f"findings.{suffix}")
         write_text(paths[-1], content)
     if drawn:
-        paths.append(chart.save(outcomes(found), folder / PICTURE))
+        paths.append(chart.save(outcomes(findings), folder / PICTURE))
     return paths
 
 
-def markdown(found: FindingsResult, origin: Sequence[str] = (), picture: str = "") -> str:
+def markdown(findings: FindingsResult, origin: Sequence[str] = (), picture: str = "") -> str:
     """Return a page in Markdown: the result, a picture, and a table in words.
 
     Args:
-        found: the findings with their outcomes.
+        findings: the findings with their outcomes.
         origin: lines about the origin of the results: machine, versions, command.
         picture: the address of the chart of outcomes; none without.
     """
-    described = found.described
-    lines = [f"# {described.title or 'Findings'}", "", result(found), ""]
+    described = findings.described
+    lines = [f"# {described.title or 'Findings'}", "", result(findings), ""]
     if described.doc:
         lines += [described.doc, ""]
     if picture:
         alt = "The outcome of each statement, by the learners that it is about"
         lines += [f"![{alt}]({picture})", ""]
-    in_words = [_in_words(each, found.sets) for each in found.results]
-    lines += _table(["", "the paper says", *found.sets], in_words)
+    in_words = [_in_words(each, findings.sets) for each in findings.results]
+    lines += _table(["", "the paper says", *findings.sets], in_words)
     lines += [
         "",
         "Conditions, the comparisons that decide, and changes that would alter outcomes are in `findings.html`.",
@@ -134,29 +134,29 @@ def markdown(found: FindingsResult, origin: Sequence[str] = (), picture: str = "
     return "\n".join(lines) + "\n"
 
 
-def result(found: FindingsResult) -> str:
+def result(findings: FindingsResult) -> str:
     """Return the result in a paragraph: `Of 35 statements, 12 are confirmed with paper, ...`."""
     parts = []
-    for name in found.sets:
-        counts = [f"{count} {outcome}" for outcome, count in found.counts(name).items() if count]
+    for name in findings.sets:
+        counts = [f"{count} {outcome}" for outcome, count in findings.counts(name).items() if count]
         parts.append(f"with `{name}`, {listed(counts)}")
-    return f"Of {len(found.results)} statements: {'; '.join(parts)}. {RULE}"
+    return f"Of {len(findings.results)} statements: {'; '.join(parts)}. {RULE}"
 
 
-def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
+def html(shown: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return a page in HTML that stands alone, with conditions and their evidence, too."""
-    described = found.described
+    described = shown.described
     findings = [
         {
             "name": each.name, "says": each.entry.says, "where": each.entry.where, "note": each.entry.note,
-            "holds": " ".join(each.entry.holds.split()), "outcomes": [_outcome(each, name) for name in found.sets],
+            "holds": " ".join(each.entry.holds.split()), "outcomes": [_outcome(each, name) for name in shown.sets],
         }
-        for each in found.results
+        for each in shown.results
     ]  # fmt: skip
-    picture = Markup(chart.svg(outcomes(found))) if chart.is_available() else ""
+    picture = Markup(chart.svg(outcomes(shown))) if chart.is_available() else ""
     return page_of(
         "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
-        tallies={name: found.counts(name) for name in found.sets}, legend=f"{RULE} {EVIDENCE}", picture=picture,
+        tallies={name: shown.counts(name) for name in shown.sets}, legend=f"{RULE} {EVIDENCE}", picture=picture,
     )  # fmt: skip
 
 
@@ -166,16 +166,12 @@ def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
     evidence = ""
     if deciding is not None and outcome != "not run":
         evidence = str(deciding)
+    sensitivity = ", ".join(f"{how} ({other})" for how, other in each.sensitivity(name).items())
     number = sum(not comparison.is_missing for comparison in each.truths[name].evidence)
     return {
         "set": name, "outcome": outcome, "evidence": evidence, "number": number,
-        "of": each.comparisons[name], "sensitivity": _sensitivity(each, name),
+        "of": each.comparisons[name], "sensitivity": sensitivity,
     }  # fmt: skip
-
-
-def _sensitivity(each: FindingResult, name: str) -> str:
-    """Return what gives other outcomes, in words: `best actions (refuted)`."""
-    return ", ".join(f"{how} ({outcome})" for how, outcome in each.sensitivity(name).items())
 
 
 def _in_words(each: FindingResult, sets: Sequence[str]) -> list[str]:
@@ -192,13 +188,13 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
 
 
-def text(found: FindingsResult) -> Columns:
+def text(findings: FindingsResult) -> Columns:
     """Return findings with their outcomes, and how many there are of each, as a table on the terminal."""
-    table = Columns("", "the paper says", *found.sets, fold=(1,), styles=("name",), names=1)
-    for each in found.results:
-        words = [each.outcome(name) for name in found.sets]
+    table = Columns("", "the paper says", *findings.sets, fold=(1,), styles=("name",), names=1)
+    for each in findings.results:
+        words = [each.outcome(name) for name in findings.sets]
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=STYLES[word]) for word in words))
-    counts = [found.counts(name) for name in found.sets]
+    counts = [findings.counts(name) for name in findings.sets]
     for outcome, style in STYLES.items():
         numbers = [str(count[outcome]) for count in counts]
         table.add_row("", VisibleText(outcome, style=style), *numbers)

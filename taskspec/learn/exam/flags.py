@@ -21,13 +21,13 @@ def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam 
     Twins that differed in the baseline are not news: where demonstrations say nothing of some states, the names of actions decide
     what even a learner without mistakes does there.
     """
-    found = [*_failed(tasks, scores), *_impossible(tasks, scores), *_reseeded(tasks, scores)]
-    found += _apart(tasks, scores, "twin", "twin")
-    found += _apart(tasks, scores, "peeks", "negated")
+    raised = [*_failed(tasks, scores), *_impossible(tasks, scores), *_reseeded(tasks, scores)]
+    raised += _apart(tasks, scores, "twin", "twin")
+    raised += _apart(tasks, scores, "peeks", "negated")
     if against is None:
-        return found
+        return raised
     known = {flag["task"] for flag in against["flags"] if flag["kind"] == "twin"}
-    new = [flag for flag in found if flag["kind"] != "twin" or flag["task"] not in known]
+    new = [flag for flag in raised if flag["kind"] != "twin" or flag["task"] not in known]
     return [*new, *changes(tasks, scores, against)]
 
 

@@ -49,17 +49,17 @@ class Law:
         if self.argument is not None:
             given[entry.arguments[0].name] = self.argument
         try:
-            found = modify(task, {self.modifier: given})
+            other = modify(task, {self.modifier: given})
         except SpecError as error:
             if {d.code for d in error.diagnostics} <= {"E720"}:
                 return None
             raise
-        if found is task or not found.modifiers:
+        if other is task or not other.modifiers:
             return None
-        arguments = {a.name: a.default for a in entry.arguments} | dict(found.modifiers[-1].arguments)
+        arguments = {a.name: a.default for a in entry.arguments} | dict(other.modifiers[-1].arguments)
         if entry.kept(task, arguments) == "nothing":
             return None
-        return found
+        return other
 
 
 LAWS: dict[str, Law] = {
@@ -117,13 +117,13 @@ def changed_tasks(tasks: Mapping[str, Task], laws: Iterable[str], name_of: Calla
     Args:
         name_of: the name of a task in results.
     """
-    found = []
+    pairs = []
     for law in laws:
         for name, task in tasks.items():
             changed = LAWS[law].changed(task)
             if changed is not None:
-                found.append(Changed(law, name, name_of(changed), changed))
-    return found
+                pairs.append(Changed(law, name, name_of(changed), changed))
+    return pairs
 
 
 def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> list[LawScore]:
@@ -145,7 +145,7 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
                 for seed, value in values.items():
                     rows[is_changed, seed][place] = value
     known = compared(rows, list(means))
-    found = []
+    kept = []
     for place, each in places.items():
         score = LawScore(law=each.law, task=each.task, modifier=str(each.changed.modifiers[-1]), error=None)
         if place in known:
@@ -155,8 +155,8 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
             score["broken"] = d.is_real
         else:
             score["error"] = _why_not(others, each.name)
-        found.append(score)
-    return found
+        kept.append(score)
+    return kept
 
 
 def _why_not(others: Exam, task: str) -> str:
@@ -169,7 +169,7 @@ def _why_not(others: Exam, task: str) -> str:
 
 def law_flags(scores: Iterable[LawScore], declared: Collection[str]) -> list[Flag]:
     """Return flags for the laws that a learner declares, and does not obey."""
-    found = []
+    raised = []
     for score in scores:
         law = LAWS[score["law"]]
         if score["law"] not in declared or not score.get("broken"):
@@ -179,5 +179,5 @@ def law_flags(scores: Iterable[LawScore], declared: Collection[str]) -> list[Fla
             f"with {score['modifier']} the score is {score['changed']:.2f} instead of {score['printed']:.2f} "
             f"(p = {score['p_value']:.2g}), although the learner declares the law '{law.name}'. Usual cause: {law.cause}"
         )
-        found.append(Flag(kind="law", task=score["task"], message=message, effect=effect, low=None, high=None))
-    return found
+        raised.append(Flag(kind="law", task=score["task"], message=message, effect=effect, low=None, high=None))
+    return raised

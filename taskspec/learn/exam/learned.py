@@ -60,32 +60,32 @@ def learned_fields(
         sees_reward: whether it was granted the reward; else its values are not those of the true one.
         demonstrations: that it used; its policy is compared with them where it has nothing else to learn from.
     """
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     if demonstrations is not None and not sees_reward:
         policy = learned
         if isinstance(learned, Learned):
             policy = learned.policy
-        found["pairings"] = pairing_distances(task, policy, demonstrations)
+        fields["pairings"] = pairing_distances(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
-        found |= reward_fields(task, learned.reward)
+        fields |= reward_fields(task, learned.reward)
     values = {}
     if sees_reward:
         values = learned_values(task, learned)
     if not values:
-        return found
+        return fields
     was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
     if values.get("discount") is None and task.discount == 1 and is_read(task):
-        found["unread"] = NO_DISCOUNT
+        fields["unread"] = NO_DISCOUNT
     try:
         fits = fingerprint(task, **values)
-        found["operators"] = {name: fit.distance for name, fit in fits.items()}
-        found["told"] = {name: fit.values for name, fit in fits.items()}
-        found["value"] = first_value(task, **values)
+        fields["operators"] = {name: fit.distance for name, fit in fits.items()}
+        fields["told"] = {name: fit.values for name, fit in fits.items()}
+        fields["value"] = first_value(task, **values)
     except SpecError as error:
         codes = {d.code for d in error.diagnostics}
         if was_given and codes != {"E712"}:
             raise
-    return found
+    return fields
 
 
 def learned_values(task: Task, learned: Any) -> dict[str, Any]:
@@ -140,8 +140,8 @@ def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[
 
     def values(observations: Any) -> Array:
         model.policy.set_training_mode(False)
-        found = network(model.policy.obs_to_tensor(normalise(observations))[0])
-        return np.asarray(plain(found), np.float64)
+        outputs = network(model.policy.obs_to_tensor(normalise(observations))[0])
+        return np.asarray(plain(outputs), np.float64)
 
     return values
 
@@ -227,21 +227,21 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
                 runs.append(Run(score["task"], cast(dict[str, float], distances), score.get("told") or {}))
         if not runs:
             continue
-        found = judged(runs, good)
-        if "constant" in found.names:
-            found = replace(found, names=("constant",))  # others are constant, too, where they are as near
+        explanation = judged(runs, good)
+        if "constant" in explanation.names:
+            explanation = replace(explanation, names=("constant",))  # others are constant, too, where they are as near
         farthest = max(runs, key=lambda run: run.distances[good[0]])
-        yield Explanation(kind, found, farthest.task)
+        yield Explanation(kind, explanation, farthest.task)
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:
     """Return a flag for values, a reward and a policy, each where a known mistake is nearest."""
-    found = []
+    raised = []
     for each in explanations(scores):
         if each.is_mistake:
             flag = Flag(kind=each.kind, task=each.task, message=each.message, effect=None, low=None, high=None)
-            found.append(flag | {"advice": each.advice})
-    return found
+            raised.append(flag | {"advice": each.advice})
+    return raised
 
 
 def learned_notes(scores: Sequence[Score], is_wrong: bool) -> list[str]:

@@ -40,9 +40,9 @@ class Shown:
     @cached_property
     def is_last(self) -> Array:
         """Return bool (N,): whether a step is the last one of its episode."""
-        found = np.zeros(len(self.obs), np.bool_)
-        found[self.starts - 1] = True
-        return found
+        last = np.zeros(len(self.obs), np.bool_)
+        last[self.starts - 1] = True
+        return last
 
     @cached_property
     def reversed_acts(self) -> Array:
@@ -104,9 +104,9 @@ def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -
     if rows is None:
         return None
     shown = shown_of(task, demonstrations)
-    found = {}
+    distances = {}
     for name, pairing in PAIRINGS.items():
         paired = pairing(shown)
         if name == "right" or shown.distance(paired, shown.right) >= APART:
-            found[name] = shown.distance(rows, paired)
-    return found
+            distances[name] = shown.distance(rows, paired)
+    return distances

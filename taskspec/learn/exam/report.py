@@ -34,14 +34,14 @@ LONGEST = 12
 """Letters in a line above a column of a matrix."""
 
 
-def of_several(found: LearnerMatrix) -> Iterator[tuple[str, Chart]]:
+def of_several(learners: LearnerMatrix) -> Iterator[tuple[str, Chart]]:
     """Yield charts of several learners by the stems of their files: `table`, and strips `task-NAME` and `learner-NAME`."""
-    yield "table", table(found)
-    for j, task in enumerate(found.tasks):
-        column = [(name, row[j]) for name, row in zip(found.learners, found.cells, strict=True)]
+    yield "table", table(learners)
+    for j, task in enumerate(learners.tasks):
+        column = [(name, row[j]) for name, row in zip(learners.learners, learners.cells, strict=True)]
         named = [(name, row) for name, row in column if row.capability]
         yield _stem(f"task-{task}"), strips(named, [(task, chart.INK, "bold")], f"Scores on {task}")
-    for name, shown in found.cards.items():
+    for name, shown in learners.cards.items():
         yield _stem(f"learner-{name}"), picture(shown)
 
 
@@ -49,22 +49,22 @@ def _stem(name: str) -> str:
     return safe_name(re.sub(r"[^\w.=-]+", "-", name).strip("-"))
 
 
-def table(found: LearnerMatrix) -> Chart:
+def table(shown: LearnerMatrix) -> Chart:
     """Draw a matrix of learners and tasks: mean scores as published, flags or verdicts in words, verdicts as colours."""
     width, height = CELL
-    across = len(found.tasks)
-    down = len(found.learners)
+    across = len(shown.tasks)
+    down = len(shown.learners)
     with chart.style():
         figure = chart.figure(width * across, height * down)
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set_xlim(0, across)
         axes.set_ylim(down, 0)
         axes.xaxis.tick_top()
-        axes.set_xticks([j + 0.5 for j in range(across)], map(_headed, found.tasks))
-        axes.set_yticks([i + 0.5 for i in range(down)], found.learners)
+        axes.set_xticks([j + 0.5 for j in range(across)], map(_headed, shown.tasks))
+        axes.set_yticks([i + 0.5 for i in range(down)], shown.learners)
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-        for i, cells in enumerate(found.cells):
+        for i, cells in enumerate(shown.cells):
             for j, cell in enumerate(cells):
                 axes.fill_between([j, j + 1], i, i + 1, facecolor=TINTS[cell.grade], edgecolor=chart.PAPER)
                 where = {"x": j + 0.5, "ha": "center"}
@@ -234,13 +234,13 @@ def page(shown: Card) -> str:
     )  # fmt: skip
 
 
-def page_of_several(found: LearnerMatrix) -> str:
+def page_of_several(shown: LearnerMatrix) -> str:
     rows = [
         {"learner": name, "cells": cells, "lead": _code(own.lead), "advice": _code(own.advice)}
-        for name, cells, own in zip(found.learners, found.cells, found.cards.values(), strict=True)
+        for name, cells, own in zip(shown.learners, shown.cells, shown.cards.values(), strict=True)
     ]
-    title = f"{plural(len(found.learners), 'learner')} on {plural(len(found.tasks), 'task')}"
-    return page_of("learners.html", title=title, tasks=map(_breakable, found.tasks), rows=rows)
+    title = f"{plural(len(shown.learners), 'learner')} on {plural(len(shown.tasks), 'task')}"
+    return page_of("learners.html", title=title, tasks=map(_breakable, shown.tasks), rows=rows)
 
 
 def _breakable(name: str) -> Markup:

@@ -209,9 +209,9 @@ def read(folder: Path | str) -> Exam:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             content = file.read(LIMIT + 1)
         text = content.decode("utf-8-sig")
-        found = None
+        data = None
         if len(content) <= LIMIT:
-            found = json.loads(text)
+            data = json.loads(text)
     except FileNotFoundError:
         shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
         hint = (
@@ -220,18 +220,18 @@ def read(folder: Path | str) -> Exam:
         )
         raise SpecError([Diagnostic("E710", None, f"there is no exam in '{folder}'", hint)]) from None
     except gzip.BadGzipFile:
-        found = None
+        data = None
     except OSError as error:
         raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
     except (ValueError, EOFError, RecursionError, zlib.error):
-        found = None
-    if not isinstance(found, dict) or found.get("exam") != FORMAT:
+        data = None
+    if not isinstance(data, dict) or data.get("exam") != FORMAT:
         raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
-    problem = shape_problem(found, Exam) or _inconsistent(found)
+    problem = shape_problem(data, Exam) or _inconsistent(data)
     if problem is not None:
         message = f"'{path}', {_words(problem.path)}: {problem.message}"
         raise SpecError([Diagnostic("E721", None, message, "run the exam again, or take the file from a backup")])
-    return cast(Exam, ShownExam(found))  # its shape was looked at
+    return cast(Exam, ShownExam(data))  # its shape was looked at
 
 
 def _inconsistent(exam: dict[str, Any]) -> Problem | None:
@@ -250,10 +250,10 @@ def _inconsistent(exam: dict[str, Any]) -> Problem | None:
 
 def _words(path: tuple[str | int, ...]) -> str:
     """Return a path as a programmer writes it: `scores[3].half`."""
-    found = ""
+    words = ""
     for step in path:
-        found += f"[{step}]" if isinstance(step, int) else f".{step}"
-    return found.removeprefix(".") or "the exam"
+        words += f"[{step}]" if isinstance(step, int) else f".{step}"
+    return words.removeprefix(".") or "the exam"
 
 
 def _place(given: Path) -> Path:

@@ -76,7 +76,7 @@ def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
     Those that are right on this task are left out.
     """
     try:
-        found = reward_distance(task, reward)
+        distance = reward_distance(task, reward)
     except SpecError as error:
         if {d.code for d in error.diagnostics} != {"E712"}:
             raise
@@ -87,7 +87,7 @@ def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
     for name, canonical in mdp.known.items():
         if name == "right" or half_distance(canonical, mdp.known["right"]) >= APART:
             distances[name] = half_distance(canonical, learned)
-    return {"starc": found.starc, "reward_regret": found.lost, "rewards": distances}
+    return {"starc": distance.starc, "reward_regret": distance.lost, "rewards": distances}
 
 
 @lru_cache(maxsize=16)
@@ -114,11 +114,11 @@ class RewardMdp:
 
     def changed(self, name: str) -> Array:
         """Return the expected rewards, after each was changed as `REWARD_CHANGES` says."""
-        found = abstraction(self.task)
-        if found is None:
+        mapped = abstraction(self.task)
+        if mapped is None:
             task = self.task
         else:
-            task = found.stand_in
+            task = mapped.stand_in
         return self._running(tabular(REWARD_CHANGES[name](task)))
 
     @cached_property
@@ -126,17 +126,17 @@ class RewardMdp:
         """For each step the states (S,) that running episodes may be in; without a horizon, those of all steps in one."""
         model = self.model
         here = model.p0 > 0
-        found: list[Array] = []
+        visited: list[Array] = []
         step = (model.going.T > 0).astype(np.float64)
-        while len(found) != model.horizon:
-            found.append(here & ~model.absorbed)
+        while len(visited) != model.horizon:
+            visited.append(here & ~model.absorbed)
             after = step @ np.tile(here, model.n_actions) > 0
             if model.horizon is None:
                 after |= here
                 if (after == here).all():
-                    return found[-1:]
+                    return visited[-1:]
             here = after
-        return found
+        return visited
 
     def expected(self, reward: Any) -> Array:
         """Return the expected reward (S, A) of each step.
@@ -194,8 +194,8 @@ class RewardMdp:
         if size > 0:
             R = R / size
         if self.model.horizon is not None:
-            found = [greedy(Q) for _, Q, _ in self._backward(R, lambda t, Q: Q.max(axis=1))]
-            return found[::-1]
+            policies = [greedy(Q) for _, Q, _ in self._backward(R, lambda t, Q: Q.max(axis=1))]
+            return policies[::-1]
         pi = self.uniform
         for _ in range(ROUNDS):
             better = greedy(self._q(R, self._stationary(R, pi)))

@@ -71,31 +71,31 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
     """
     with also(limits):
         results = results_of(task, episodes)
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for name in ("random", "expert", "optimal", "worst"):
             value = getattr(results, name)
             if value is None:
-                found[name] = None
+                values[name] = None
             else:
-                found[name] = value.value
-        if found["expert"] is None:
-            found["expert"] = found["optimal"]
+                values[name] = value.value
+        if values["expert"] is None:
+            values["expert"] = values["optimal"]
         constants = []
         for action in _constant_actions(task):
             value = policy_value(results, _constant(results.task, action), True).value.value
-            constants.append(score(value, found["random"], found["expert"]))
+            constants.append(score(value, values["random"], values["expert"]))
         if None in constants:
             constants = []
-        return found | {"constants": constants}
+        return values | {"constants": constants}
 
 
 def score(value: float, random: float | None, expert: float | None) -> float | None:
     """Return a return on the scale random 0, expert 1; None where the task has no such scale."""
     if random is None or expert is None:
         return None
-    found = normalised(value, random, expert, floor=None)
-    if math.isfinite(found):
-        return found
+    share = normalised(value, random, expert, floor=None)
+    if math.isfinite(share):
+        return share
     return None
 
 

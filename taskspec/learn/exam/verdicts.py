@@ -62,7 +62,7 @@ def mean_score(values: Sequence[float], fixed: float | None, looks: int = 1) -> 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score], looks: int = 1) -> dict[str, CapabilityVerdict]:
     """Return the verdict of each capability: the worst of its tasks, as printed and on twins; `looks` as `mean_score` has it."""
-    found = {}
+    by_capability = {}
     for capability in dict.fromkeys(about["capability"] for about in tasks.values()):
         names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
         if not names:
@@ -78,17 +78,17 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score], looks: int 
             printed.append(mean_score(list(own.values()), fixed, looks))
             if other:
                 twins.append(mean_score(list(other.values()), fixed, looks))
-        found[capability] = CapabilityVerdict(
+        by_capability[capability] = CapabilityVerdict(
             **worst(printed) | {"verdict": worst([*printed, *twins])["verdict"]}, tasks=names, seeds=min(seeds),
             twins=worst(twins) if twins else None,
         )  # fmt: skip
-    return found
+    return by_capability
 
 
-def worst(found: Sequence[MeanScore]) -> MeanScore:
+def worst(scores: Sequence[MeanScore]) -> MeanScore:
     """Return the worst of some mean scores: by its verdict, then by its mean."""
 
     def rank(each: MeanScore) -> tuple[int, float]:
         return WORST_FIRST.index(each["verdict"]), -math.inf if each["mean"] is None else each["mean"]
 
-    return min(found, key=rank)
+    return min(scores, key=rank)

@@ -44,10 +44,10 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
         hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
         raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
     document = read_file(Path(source))
-    found = _in_family(_named_in(document), document.data.get("family", family))
+    chosen = _in_family(_named_in(document), document.data.get("family", family))
     if "settings" not in document.data:
-        return found
-    return replace(found, settings=changed(found.settings, document, ("settings",)))
+        return chosen
+    return replace(chosen, settings=changed(chosen.settings, document, ("settings",)))
 
 
 def _named_in(document: Document) -> Learner:
@@ -90,10 +90,10 @@ def changed(base: T, document: Document, path: Place) -> T:
     for step in path:
         data = data[step]
     problems: list[Diagnostic] = []
-    found = _changed(base, data, document, path, problems)
+    instance = _changed(base, data, document, path, problems)
     if problems:
         raise SpecError(problems)
-    return found
+    return instance
 
 
 def _changed(base: Any, data: Any, document: Document, path: Place, problems: list[Diagnostic]) -> Any:
@@ -101,7 +101,7 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
         problems.append(Diagnostic("E201", document.span(path), "settings are a mapping: `name: value`"))
         return base
     types = get_type_hints(type(base))
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, value in data.items():
         place = (*path, name)
         if name not in types:
@@ -111,14 +111,14 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
             continue
         section = next((t for t in (types[name], *get_args(types[name])) if is_dataclass(t)), None)
         if section is not None and value is not None:
-            found[name] = _changed(getattr(base, name) or section(), value, document, place, problems)  # type: ignore[operator]
+            values[name] = _changed(getattr(base, name) or section(), value, document, place, problems)  # type: ignore[operator]
             continue
         try:
-            found[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
+            values[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
         except ValidationError as error:
             first = error.errors()[0]
             code = "E204"
             if first["type"] == "literal_error":
                 code = "E206"
             problems.append(Diagnostic(code, document.span(place), f"{value!r} does not fit: {first['msg']}"))
-    return replace(base, **found)
+    return replace(base, **values)

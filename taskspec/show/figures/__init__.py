@@ -77,7 +77,7 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
     wanted: list[tuple[str, ...]] = [PARTS]
     if isinstance(task.annotations.expert, tuple):
         wanted.append(("expert",))
-    found = {}
+    scenes = {}
     for names in wanted:
         try:
             over = overlay(task, names, model)
@@ -90,8 +90,8 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
                 name = part
                 if names == ("expert",):
                     name = "expert"
-                found[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
-    return found
+                scenes[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
+    return scenes
 
 
 def _with_lines(drawn: Scene, lines: list[str]) -> Scene:

@@ -89,13 +89,13 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
 def _episode(task: Task, node: Expression, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
     if overlay.here is not None:
         return [(0, dict(overlay.here))], ""
-    found = [_changes(task, node, expert_path(task, LONGEST, seed)) for seed in range(SEEDS)]
+    episodes = [_changes(task, node, expert_path(task, LONGEST, seed)) for seed in range(SEEDS)]
     whose = "the expert"
-    if max(map(len, found)) == 1:
+    if max(map(len, episodes)) == 1:
         path, whose = episode_path(task, LONGEST)
-        found.append(_changes(task, node, path))
+        episodes.append(_changes(task, node, path))
     # of episodes in which nothing changes, the one whose numbers differ most
-    return max(found, key=lambda each: (len(each), len(set(at_state(task, node, each[0][1]).flat)))), whose
+    return max(episodes, key=lambda each: (len(each), len(set(at_state(task, node, each[0][1]).flat)))), whose
 
 
 def _changes(task: Task, node: Expression, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:

@@ -64,11 +64,11 @@ def chosen_ways(
         return
     ways = _ways_by_label(task)
     if ways is None:
-        found = _probable_ways(task, pairs, cells)
+        moves = _probable_ways(task, pairs, cells)
     else:
-        found = ((code, ways[action]) for code, action in pairs)
+        moves = ((code, ways[action]) for code, action in pairs)
     taken: dict[int, dict[Way, None]] = {code: {} for code in policy}
-    for code, way in found:
+    for code, way in moves:
         if any(way):
             taken[code][way] = None
     common: dict[Cell, dict[Way, None]] = {}
@@ -83,14 +83,14 @@ def _ways_by_label(task: Task) -> list[Way] | None:
     """Return the moves that the labels of actions name, each of at most one cell; None if one names none."""
     if len(task.action) != 1 or task.action[0].domain is None:
         return None
-    found = []
+    ways = []
     for action in range(Space(task.action, Role.ACTION).size):
         words = re.split(r"[^a-z]+", task.action[0].domain.labels[action].lower())
         if not all(word in _WORDS for word in words):
             return None
         dx, dy = np.sign(np.sum([_WORDS[word] for word in words], axis=0)).tolist()
-        found.append((float(dx), float(dy)))
-    return found
+        ways.append((float(dx), float(dy)))
+    return ways
 
 
 def _probable_ways(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[int, Way]]:

@@ -134,11 +134,11 @@ def _merged(frames: Sequence[Sequence[Item]]) -> list[tuple[Item, frozenset[int]
     for number_of_frame, items in enumerate(frames):
         own = frozenset({number_of_frame})
         known = [item for item, _ in merged]
-        found = []
+        shared = []
         for kind, a, b, c, d in SequenceMatcher(None, known, items, autojunk=False).get_opcodes():
             if kind == "equal":
-                found += [(item, where | own) for item, where in merged[a:b]]
+                shared += [(item, where | own) for item, where in merged[a:b]]
             else:
-                found += [*merged[a:b], *((item, own) for item in items[c:d])]
-        merged = found
+                shared += [*merged[a:b], *((item, own) for item in items[c:d])]
+        merged = shared
     return merged

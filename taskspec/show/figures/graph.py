@@ -63,18 +63,18 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
     best: Plan | None = None
     is_frame = overlay.here is not None
-    for found in whole(machine) if is_frame else drawings(machine):
-        if len(found.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
+    for drawing in whole(machine) if is_frame else drawings(machine):
+        if len(drawing.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
             continue
-        vertices = [v for v in found.vertices if isinstance(v, int)]
+        vertices = [v for v in drawing.vertices if isinstance(v, int)]
         request = _Request(
-            found,
+            drawing,
             machine.ending.intersection(vertices),
             tuple(v for v in machine.start if v in vertices),
             frozenset(v for v in vertices if machine.fills.get(v) == "good"),
             len(machine.states) <= LOOPS_UP_TO,
             tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
-            tuple(_on_arrow(machine, arc) for arc in found.arcs),
+            tuple(_on_arrow(machine, arc) for arc in drawing.arcs),
             tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
         )
         plan = _planned(request)
@@ -205,7 +205,7 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     on = {a.source for a in drawing.arcs if a.source != a.target}
     mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
     straight = all(len(main) <= 1 for main in mains)
-    found = {}
+    spots = {}
     for i, layer in enumerate(drawing.layers):
         heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
         shift = 0.0
@@ -215,8 +215,8 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
             half, radius = sizes[v]
             rim = RIM if v in request.ending else 0.0
             at: sc.Point = (step * i, heights[v] - shift)
-            found[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
-    return found
+            spots[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
+    return spots
 
 
 def _is_chance(v: Vertex) -> bool:

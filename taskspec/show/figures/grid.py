@@ -78,10 +78,10 @@ class _Grid:
 
     def numbers(self, place: Iterable[Expression], reads: Reads, count: int = 1) -> Array:
         """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""
-        found = [at_states(self.task, node, reads, count) for node in place]
-        if len(found) == 1:
-            return found[0]
-        return np.stack(found, axis=1)
+        parts = [at_states(self.task, node, reads, count) for node in place]
+        if len(parts) == 1:
+            return parts[0]
+        return np.stack(parts, axis=1)
 
     def _things(self) -> Iterator[Thing]:
         places = {"": self.figure.at} | dict(self.figure.objects)
@@ -127,16 +127,16 @@ class _Grid:
         distinct = len(set(by_code.values()))
         colors: dict[Cell, Color] = {}
         unplaced = []
-        for role, found in self.marks(reads, count):
-            if found.ndim == 1:
-                marked = dict.fromkeys(map(_cell, cells[found.astype(bool)]), role)
-                if not found.all() and len(marked) == distinct:
+        for role, at in self.marks(reads, count):
+            if at.ndim == 1:
+                marked = dict.fromkeys(map(_cell, cells[at.astype(bool)]), role)
+                if not at.all() and len(marked) == distinct:
                     unplaced.append(f"Not marked: {role}, which may hold in every cell.")
                 else:
                     colors |= marked
-        for role, found in self.marks(self.reads):
-            if found.ndim == 2:
-                colors |= {_cell(point): role for point in found}
+        for role, at in self.marks(self.reads):
+            if at.ndim == 2:
+                colors |= {_cell(point): role for point in at}
         agents = self._agents(by_code)
         if self.things and overlay.here is None:  # which belong to one state
             space = Space(self.task.state, Role.STATE)
@@ -173,7 +173,7 @@ class _Grid:
         def is_near(cell: Cell) -> bool:
             return max(abs(cell[0] - ax), abs(cell[1] - ay)) < FARTHEST
 
-        known = [(_cell(found[0]), role) for role, found in self.marks(self.reads) if found.shape == (1, 2)]
+        known = [(_cell(at[0]), role) for role, at in self.marks(self.reads) if at.shape == (1, 2)]
         marks = {cell: role for cell, role in known if is_near(cell)}
         things = [thing for thing in self.things if is_near(thing.cell)]
         agents = {(ax, ay): 1.0}
@@ -225,10 +225,10 @@ def _cell(place: Array) -> Cell:
 
 
 def _by_cell(
-    by_code: Mapping[int, Cell], found: Mapping[int, float], together: Callable[[float, float], float]
+    by_code: Mapping[int, Cell], by_state: Mapping[int, float], together: Callable[[float, float], float]
 ) -> dict[Cell, float]:
     cells: dict[Cell, float] = {}
-    for code, number in found.items():
+    for code, number in by_state.items():
         cell = by_code[code]
         if cell in cells:
             cells[cell] = together(cells[cell], number)

@@ -93,23 +93,23 @@ def _arcs(machine: Machine) -> list[Arc]:
         outcomes.setdefault((t.source, t.action), []).append(t)
     direct: dict[tuple[int, int], list[Transition]] = {}
     alike: dict[tuple[int, tuple[tuple[int, float, float | None], ...]], dict[int, float | None]] = {}
-    for (source, action), found in outcomes.items():
-        if len(found) == 1:
-            direct.setdefault((source, found[0].target), []).append(found[0])
+    for (source, action), targets in outcomes.items():
+        if len(targets) == 1:
+            direct.setdefault((source, targets[0].target), []).append(targets[0])
         else:
-            rewards = {t.reward for t in found}
-            paid = found[0].reward if len(rewards) == 1 else None  # by the action, whatever its outcome is
-            drawn = tuple((t.target, t.probability, t.reward if paid is None else None) for t in found)
+            rewards = {t.reward for t in targets}
+            paid = targets[0].reward if len(rewards) == 1 else None  # by the action, whatever its outcome is
+            drawn = tuple((t.target, t.probability, t.reward if paid is None else None) for t in targets)
             alike.setdefault((source, drawn), {})[action] = paid
     arcs: list[tuple[int, Arc]] = []  # with the state that they come from
     for (source, drawn), paid_by in alike.items():
         chance = ("chance", source, next(iter(paid_by)))
         arcs.append((source, _merged(source, chance, paid_by)))
         arcs += [(source, Arc(chance, target, (), probability, reward)) for target, probability, reward in drawn]
-    for (source, target), found in direct.items():
-        arcs.append((source, _merged(source, target, {t.action: t.reward for t in found})))
+    for (source, target), targets in direct.items():
+        arcs.append((source, _merged(source, target, {t.action: t.reward for t in targets})))
     order = {v: i for i, v in enumerate(machine.states)}
-    arcs.sort(key=lambda found: (order.get(found[0], 0), found[1].actions[:1] or (-1,)))
+    arcs.sort(key=lambda targets: (order.get(targets[0], 0), targets[1].actions[:1] or (-1,)))
     return [arc for _, arc in arcs]
 
 
@@ -163,10 +163,10 @@ def ordered(drawing: Drawing) -> Drawing:
                     changed = list(layers[i])
                     changed[j], changed[k] = changed[k], changed[j]
                     trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
-                    found = cost(trial)
-                    if found < least - 1e-9:
+                    crossings = cost(trial)
+                    if crossings < least - 1e-9:
                         layers = trial
-                        least = found
+                        least = crossings
                         better = True
     return replace(drawing, layers=layers)
 

@@ -88,13 +88,13 @@ class Machine:
     @cached_property
     def marks(self) -> Mapping[str, tuple[int, ...]]:
         """States in which the conditions under `figure: highlight:` hold, by colour."""
-        found = {}
+        states = {}
         codes = np.array(self.states)
         for name, node in figure_of(self.task).highlight.items():
             if not node.type.shape and name in sc.HIGHLIGHTS:
                 holds = at_states(self.task, node, dict(self.space.decode(codes)), len(codes))
-                found[name] = tuple(codes[holds.astype(bool)].tolist())
-        return found
+                states[name] = tuple(codes[holds.astype(bool)].tolist())
+        return states
 
     @cached_property
     def fills(self) -> Mapping[int, sc.Color]:
@@ -128,11 +128,11 @@ class Machine:
         if len({t.reward for t in self.transitions}) == 1:
             return "all", {}
         for how, end in (("reached", "target"), ("left", "source")):
-            found: dict[int, set[float]] = {}
+            by_action: dict[int, set[float]] = {}
             for t in self.transitions:
-                found.setdefault(getattr(t, end), set()).add(t.reward)
-            if all(len(rewards) == 1 for rewards in found.values()):
-                return how, {code: rewards.pop() for code, rewards in found.items()}
+                by_action.setdefault(getattr(t, end), set()).add(t.reward)
+            if all(len(rewards) == 1 for rewards in by_action.values()):
+                return how, {code: rewards.pop() for code, rewards in by_action.items()}
         return "arrow", {}
 
     def notes(self, shows_loops: bool) -> Iterator[str]:
@@ -155,10 +155,10 @@ class Machine:
 
 def explore(task: Task) -> Machine | None:
     """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
-    found = _explored(task)
-    if found is None:
+    explored = _explored(task)
+    if explored is None:
         return None
-    return replace(found, task=task)
+    return replace(explored, task=task)
 
 
 @lru_cache(maxsize=8)
@@ -179,10 +179,10 @@ def _explored(task: Task) -> Machine | None:
         start |= probabilities
         if who:
             starters |= dict.fromkeys(probabilities, f"{who} starts")
-    found = _walk(steps, np.array(list(start)))
-    if found is None:
+    walked = _walk(steps, np.array(list(start)))
+    if walked is None:
         return None
-    states, transitions = found
+    states, transitions = walked
     ending = frozenset(t.target for t in transitions if t.ends)
     return Machine(task, start, states, transitions, ending, steps.actions.size, starters, steps.uses_time)
 
@@ -190,7 +190,7 @@ def _explored(task: Task) -> Machine | None:
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     own = steps.start_weights()
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
-    found: dict[str, dict[int, float]] = {}
+    starts: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
         other = task
         if key != task.source.variant:
@@ -198,12 +198,12 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
         if other is task:
-            found[who] = own
+            starts[who] = own
         else:
-            found[who] = Steps(other).start_weights()
-    codes = [code for probabilities in found.values() for code in probabilities]
-    if len(set(codes)) == len(codes) and own in found.values():
-        return found
+            starts[who] = Steps(other).start_weights()
+    codes = [code for probabilities in starts.values() for code in probabilities]
+    if len(set(codes)) == len(codes) and own in starts.values():
+        return starts
     return {"": own}
 
 
@@ -216,11 +216,11 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
         if len(seen) > MAX_STATES or len(level) * steps.actions.size * steps.branching > MAX_CONSIDERED:
             return None
-        found = _from(steps, level)
-        transitions += found
-        new = dict.fromkeys(t.target for t in found if t.target not in seen and not t.ends)
+        moved = _from(steps, level)
+        transitions += moved
+        new = dict.fromkeys(t.target for t in moved if t.target not in seen and not t.ends)
         seen |= new
-        seen |= dict.fromkeys(t.target for t in found if t.ends and t.target not in seen)
+        seen |= dict.fromkeys(t.target for t in moved if t.ends and t.target not in seen)
         if len(transitions) > MAX_TRANSITIONS:
             return None
         level = list(new)
@@ -242,10 +242,10 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
             if p > 0:
                 key = (point, int(code), float(reward), bool(ends))
                 total[key] = total.get(key, 0.0) + p
-    found = []
+    transitions = []
     for (point, code, reward, ends), p in sorted(total.items(), key=lambda item: item[0][0]):
-        found.append(Transition(int(sources[point]), int(choices[point]), code, p, reward, ends))
-    return found
+        transitions.append(Transition(int(sources[point]), int(choices[point]), code, p, reward, ends))
+    return transitions
 
 
 def state_labels(task: Task) -> Mapping[int, m.Math]:

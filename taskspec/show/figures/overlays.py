@@ -80,18 +80,18 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
     if acting is not None and "occupancy" in wanted:
         visits = _visits(model, *acting)
     most = max(visits.values(), default=0.0)
-    found: dict[str, Any] = {}
+    parts: dict[str, Any] = {}
     if "values" in wanted:
         values = solve.best(model).value[model.acting]
-        found["values"] = dict(zip(model.codes[model.acting].tolist(), values.tolist(), strict=True))
+        parts["values"] = dict(zip(model.codes[model.acting].tolist(), values.tolist(), strict=True))
     if "policy" in wanted:
-        found["policy"] = _policy(model, plans.optimal_plan(model)(0))
+        parts["policy"] = _policy(model, plans.optimal_plan(model)(0))
     elif "expert" in wanted and acting is not None:
-        found["policy"] = _expert_policy(model, *acting)
-    found["occupancy"] = {code: often / (most or 1.0) for code, often in visits.items()}
+        parts["policy"] = _expert_policy(model, *acting)
+    parts["occupancy"] = {code: often / (most or 1.0) for code, often in visits.items()}
     if abstraction(task) is not None:
-        found = {}
-    return Overlay(**found, legend=dict(_legend(task, wanted, acting is not None, most)))
+        parts = {}
+    return Overlay(**parts, legend=dict(_legend(task, wanted, acting is not None, most)))
 
 
 def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -137,18 +137,18 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
 
 
 def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[int, ...]]:
-    found: dict[int, set[int]] = {}
+    by_code: dict[int, set[int]] = {}
     for code, actions in _policy(whole, plan(0)).items():
-        found.setdefault(_without_memory(model, whole, code), set()).update(actions)
-    return {code: tuple(sorted(actions)) for code, actions in found.items()}
+        by_code.setdefault(_without_memory(model, whole, code), set()).update(actions)
+    return {code: tuple(sorted(actions)) for code, actions in by_code.items()}
 
 
 def _visits(model: Model, whole: Model, plan: Plan) -> dict[int, float]:
-    found: dict[int, float] = {}
+    visits: dict[int, float] = {}
     for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
         code = _without_memory(model, whole, code)
-        found[code] = found.get(code, 0.0) + often
-    return found
+        visits[code] = visits.get(code, 0.0) + often
+    return visits
 
 
 def _without_memory(model: Model, whole: Model, code: int) -> int:

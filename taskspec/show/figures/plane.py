@@ -267,11 +267,11 @@ def _neutral(task: Task) -> Reads:
     if are_finite(task.action):
         space = Space(task.action, Role.ACTION)
         return dict(space.decode(np.array([space.size // 2])))
-    found: Reads = {}
+    reads: Reads = {}
     for c in task.action:
         middle = (min(c.low) + max(c.high)) / 2
-        found[Role.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
-    return found
+        reads[Role.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
+    return reads
 
 
 def arm(task: Task, overlay: Overlay) -> Scene | None:

@@ -104,16 +104,16 @@ def loops(v: Spot) -> list[Line]:
     x, y = v.at
     d = 0.2
     inset = 0.85 if v.is_round else 1.0
-    found = []
+    curves = []
     for sign in (1.0, -1.0):
         far = x + sign * (v.half + LOOP_OUT)
         foot = x + sign * v.half * inset
-        found.append(((foot, y - d), (far, y - LOOP_WIDE), (far, y + LOOP_WIDE), (foot, y + d)))
+        curves.append(((foot, y - d), (far, y - LOOP_WIDE), (far, y + LOOP_WIDE), (foot, y + d)))
     for sign in (-1.0, 1.0):
         far = y + sign * (v.radius + LOOP_OUT)
         foot = y + sign * v.radius * inset
-        found.append(((x - d, foot), (x - LOOP_WIDE, far), (x + LOOP_WIDE, far), (x + d, foot)))
-    right, left, above, below = (Line(points, arrow=True, curved=True) for points in found)
+        curves.append(((x - d, foot), (x - LOOP_WIDE, far), (x + LOOP_WIDE, far), (x + d, foot)))
+    right, left, above, below = (Line(points, arrow=True, curved=True) for points in curves)
     if v.last:
         return [right, above, below, left]
     return [above, below, right, left]
@@ -121,12 +121,12 @@ def loops(v: Spot) -> list[Line]:
 
 def stubs(v: Spot) -> list[Line]:
     x, y = v.at
-    found = []
+    lines = []
     for dx, dy in ((-1, 0), (0, -1), (0, 1), (1, 0)):
         foot = (x + dx * v.half, y + dy * v.radius)
         tail = (x + dx * (v.half + 0.55), y + dy * (v.radius + 0.55))
-        found.append(Line((tail, foot), arrow=True, color="muted"))
-    return found
+        lines.append(Line((tail, foot), arrow=True, color="muted"))
+    return lines
 
 
 def routed(
@@ -145,7 +145,7 @@ def routed(
 
 
 def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np.ndarray, np.ndarray]:
-    flat = [x for found in options for x in found]
+    flat = [x for lines in options for x in lines]
     ends = [0, *accumulate(map(len, options))]
     groups = [range(a, b) for a, b in pairwise(ends)]
     of = np.repeat(np.arange(len(groups)), list(map(len, groups)))
@@ -273,12 +273,12 @@ def placed(
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
-    found = [(*s.at, *s.core) for s in spots]
+    shapes = [(*s.at, *s.core) for s in spots]
     for line in lines:
         if line.arrow:
             (x, y), (ax, ay), (bx, by) = head(line)
-            found.append(((2 * x + ax + bx) / 4, (2 * y + ay + by) / 4, 0.0, 0.0, 0.06))
-    return found
+            shapes.append(((2 * x + ax + bx) / 4, (2 * y + ay + by) / 4, 0.0, 0.0, 0.06))
+    return shapes
 
 
 def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:

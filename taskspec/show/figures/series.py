@@ -53,22 +53,22 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         return None
     path, whose = episode_path(task)
     if len(path) <= SHORT:
-        path, whose = max((episode_path(task, seed=seed) for seed in range(SEEDS)), key=lambda found: len(found[0]))
+        path, whose = max((episode_path(task, seed=seed) for seed in range(SEEDS)), key=lambda numbers: len(numbers[0]))
     steps = len(path) - 1
-    found = []
+    numbers = []
     if steps > 0:
-        found = _measured(task, path)
+        numbers = _measured(task, path)
     if task.annotations.figure is None:
-        found = [x for x in found if len(set(x.values)) > 1]
-    if not _is_finite(found):
+        numbers = [x for x in numbers if len(set(x.values)) > 1]
+    if not _is_finite(numbers):
         return None
     items: list[Item] = []
-    for i, number in enumerate(found[:MOST]):
+    for i, number in enumerate(numbers[:MOST]):
         ends = (min(number.values), max(number.values))
         if ends[0] == ends[1]:
             ends = _scale(number)
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
-    items += _time(0, steps, len(found[:MOST]))
+    items += _time(0, steps, len(numbers[:MOST]))
     return fitted(items, f"An episode of {whose} in {task.name} over time, {plural(steps, 'step')}")
 
 
@@ -80,20 +80,20 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
     span = min(task.horizon or STEPS, STEPS)
     first = max(0, now - 1) // span * span
     times = [t for t in sorted(seen) if t >= first]
-    found = _measured(task, [seen[t] for t in times])[:MOST]
-    if not _is_finite(found):
+    numbers = _measured(task, [seen[t] for t in times])[:MOST]
+    if not _is_finite(numbers):
         return None
-    items: list[Item] = [*_time(first, first + span, len(found))]
+    items: list[Item] = [*_time(first, first + span, len(numbers))]
     points = [t - first for t in times]
-    for i, number in enumerate(found):
+    for i, number in enumerate(numbers):
         label = m.Row((number.symbol, m.Sym("="), signed(number.values[-1])))
         items += _panel(number, label, _scale(number), span, i * APART, points, is_frame=True)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
     return fitted(items, f"{task.name} over time, {plural(now, 'step')}")
 
 
-def _is_finite(found: Sequence[_Number]) -> bool:
-    return bool(found) and all(math.isfinite(max(x.values) - min(x.values)) for x in found)
+def _is_finite(numbers: Sequence[_Number]) -> bool:
+    return bool(numbers) and all(math.isfinite(max(x.values) - min(x.values)) for x in numbers)
 
 
 def _scale(number: _Number) -> tuple[float, float]:
@@ -154,7 +154,7 @@ def _is_followed(c: Component) -> bool:
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     node = figure_of(task).values
-    found = []
+    numbers = []
     if node is None:
         names = of_task(task)
         for c in filter(_is_followed, task.state):
@@ -166,15 +166,15 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
                 symbol = names.symbol(c.name)
                 if not c.type.is_scalar:
                     symbol = indexed(symbol, m.Num(str(i)))
-                found.append(_Number(symbol, rows[:, i].tolist(), (float(c.low[i]), float(c.high[i])), around))
-        return found
+                numbers.append(_Number(symbol, rows[:, i].tolist(), (float(c.low[i]), float(c.high[i])), around))
+        return numbers
     rows = np.array([at_state(task, node, state).reshape(-1) for state in path])
     parts = elements(node) or (node,) * node.type.size
     for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False)):
         if constant(part) is not None:  # a parameter beside the numbers that change
             continue
-        found.append(_Number(symbol, rows[:, i].tolist(), bounds(part, {}), period(task, part)))
-    return found
+        numbers.append(_Number(symbol, rows[:, i].tolist(), bounds(part, {}), period(task, part)))
+    return numbers
 
 
 def _symbols(task: Task, node: Expression) -> list[m.Math]:

@@ -33,8 +33,8 @@ MANY = 20_000  # states that are drawn all at once
 def at_states(task: Task, node: Expression, reads: Reads, count: int = 1) -> Array:
     """Return values (count, *shape) of a node at states given as arrays (*shape, count)."""
     given = {TIME: np.zeros(1, dtype=np.int64)} | reads
-    (found,) = batch.evaluate([node], given)
-    return np.moveaxis(np.broadcast_to(found, (*found.shape[:-1], count)), -1, 0)
+    (values,) = batch.evaluate([node], given)
+    return np.moveaxis(np.broadcast_to(values, (*values.shape[:-1], count)), -1, 0)
 
 
 def figure_of(task: Task) -> Figure:
@@ -48,13 +48,13 @@ def at_state(task: Task, node: Expression, state: State) -> Array:
 
 def reads_of(task: Task, state: State) -> Reads:
     """Return one state, by component, as arrays that expressions read."""
-    found: Reads = {}
+    reads: Reads = {}
     for c in task.state:
         value = state[c.name]
         if c.domain is not None and isinstance(value, str):
             value = c.domain.labels.index(value)
-        found[Role.STATE, c.name] = np.asarray(value, dtype=batch.DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
-    return found
+        reads[Role.STATE, c.name] = np.asarray(value, dtype=batch.DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
+    return reads
 
 
 def all_states(task: Task) -> tuple[Reads, int] | None:

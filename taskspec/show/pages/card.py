@@ -23,7 +23,7 @@ def linked_data(task: Task, facts: Facts) -> dict[str, Any]:
     """Return the card of a task as JSON-LD; parameters, sizes, spaces, returns and claims are its `variableMeasured`."""
     spec = task.spec
     references = beside([task.source.document.origin.name])
-    found: dict[str, Any] = {
+    record: dict[str, Any] = {
         "@context": "https://schema.org",
         "@type": ["SoftwareSourceCode", "Dataset"],
         "identifier": [task.instance_id, f"sha256:{task.content_hash}"],
@@ -38,24 +38,24 @@ def linked_data(task: Task, facts: Facts) -> dict[str, Any]:
         "variableMeasured": list(_properties(task, facts)),
     }
     if task.id in shipped():
-        found["license"] = f"https://spdx.org/licenses/{LICENSE}"
-    return found
+        record["license"] = f"https://spdx.org/licenses/{LICENSE}"
+    return record
 
 
 def _citation(key: str, where: str | None, reference: Reference | None) -> dict[str, Any]:
     if reference is None:
         return {"@type": "CreativeWork", "identifier": key}
-    found: dict[str, Any] = {"@type": "ScholarlyArticle", "name": reference.plain("title")}
+    record: dict[str, Any] = {"@type": "ScholarlyArticle", "name": reference.plain("title")}
     people = [person for person in reference.plain("author").split(" and ") if person not in ("", "others")]
-    found["author"] = [{"@type": "Person", "name": " ".join(reversed(person.split(", ", 1)))} for person in people]
+    record["author"] = [{"@type": "Person", "name": " ".join(reversed(person.split(", ", 1)))} for person in people]
     for name, field in (("datePublished", "year"), ("url", "url")):
         if field in reference.fields:
-            found[name] = reference.plain(field)
+            record[name] = reference.plain(field)
     if reference.venue:
-        found["isPartOf"] = reference.venue
+        record["isPartOf"] = reference.venue
     if where:
-        found["pagination"] = where
-    return found
+        record["pagination"] = where
+    return record
 
 
 def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
@@ -77,15 +77,15 @@ def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
 
 
 def _property(kind: str, name: str, value: Any, description: str = "") -> dict[str, Any]:
-    found = {"@type": "PropertyValue", "propertyID": kind, "name": name, "value": value}
-    return found | ({"description": description} if description else {})
+    record = {"@type": "PropertyValue", "propertyID": kind, "name": name, "value": value}
+    return record | ({"description": description} if description else {})
 
 
 def _return(name: str, score: Return) -> dict[str, Any]:
     value = float(score.value)
     if not score.exact:
-        found = _property("return", name, value, f"mean of {score.episodes:,} episodes, 95 % interval")
-        return found | {"minValue": value - score.half, "maxValue": value + score.half}
+        record = _property("return", name, value, f"mean of {score.episodes:,} episodes, 95 % interval")
+        return record | {"minValue": value - score.half, "maxValue": value + score.half}
     fraction = small_fraction(score.value, LARGEST, 1e-12 * max(1.0, abs(value)))
     if fraction is None or fraction.denominator == 1:
         exact = "exact"

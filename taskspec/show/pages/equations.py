@@ -128,13 +128,13 @@ class Writing:
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
         """Return the bounds of one element: those of a list, or of a vector among the constants."""
-        found = dict(bounds)
+        inner = dict(bounds)
         for key, end in bounds.items():
             if isinstance(end, list):
-                found[key] = end[int(index)]
+                inner[key] = end[int(index)]
             elif self._is_vector(expression(end)):
-                found[key] = f"({end})[{index}]"
-        return found
+                inner[key] = f"({end})[{index}]"
+        return inner
 
     def _is_vector(self, expr: s.Expr) -> bool:
         if isinstance(expr, s.Name):
@@ -182,7 +182,7 @@ class Writing:
         defined |= {name: (e, ()) for name, e in (self.parsed("noise") or {}).items()}
         if self.parsed("terminal") is not None:
             defined["terminal"] = (self.parsed("terminal"), ())
-        found: set[str] = set()
+        names: set[str] = set()
         waiting: list[tuple[Any, tuple[str, ...]]] = [(expr, ())]
         while waiting:
             body, bound = waiting.pop()
@@ -194,17 +194,17 @@ class Writing:
                 if name in defined:
                     waiting.append(defined.pop(name))
                 if name not in bound:
-                    found.add(name)
-        return found
+                    names.add(name)
+        return names
 
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
         """Return the arguments of a value: state, action, next state, time, in this order."""
         used = self.reads(expr)
-        found = [self.symbol(name) for name in (*self.spec.state, *self.spec.action) if name in used]
-        found += [self.symbol(name, primed=True) for name in self.spec.state if name + "'" in used]
+        symbols = [self.symbol(name) for name in (*self.spec.state, *self.spec.action) if name in used]
+        symbols += [self.symbol(name, primed=True) for name in self.spec.state if name + "'" in used]
         if "t" in used:
-            found.append(self.symbol("t"))
-        return tuple(found)
+            symbols.append(self.symbol("t"))
+        return tuple(symbols)
 
 
 def _product(sets: Sequence[m.Math]) -> m.Math:

@@ -55,14 +55,14 @@ def gather(task: TaskLike | Report) -> Facts:
     """Return scores and verdicts of a task; those of a report with claims are not worked out again."""
     if isinstance(task, Report):
         return _facts(task.results, task.verdicts, task.coverage.wrong_examples)
-    found = Results(load(task))
-    return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
+    results = Results(load(task))
+    return _facts(results, verdicts(results.task, results), frozenset(i for i, _ in wrong_examples(results.task)))
 
 
-def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
-    returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
+def _facts(results: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
+    returns = {"optimal": results.optimal, "random": results.random, "worst": results.worst, "expert": results.expert}
     shown: dict[str, Return] = {}
-    seen = pomdp_bounds(found)
+    seen = pomdp_bounds(results)
     for name, value in returns.items():
         if value is None:
             continue
@@ -73,7 +73,7 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
         else:
             shown[f"{name} return"] = value
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
-    return Facts(shown, tuple(by_claim(found.task, said)), wrong, unknown, found.model)
+    return Facts(shown, tuple(by_claim(results.task, said)), wrong, unknown, results.model)
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
@@ -90,9 +90,9 @@ def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
     waiting = iter(decisions)
     order = list(CLAIMS)
     for claim in task.annotations.claims:
-        found = [next(waiting) for _ in claim.cases or ({},)]
-        worst = max(found, key=lambda verdict: order.index(verdict.status))
-        shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))
+        stated = [next(waiting) for _ in claim.cases or ({},)]
+        worst = max(stated, key=lambda verdict: order.index(verdict.status))
+        shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in stated))
         yield Mark(None if worst.status == "undecided" else bool(worst.holds), shown)
 
 
@@ -112,16 +112,16 @@ MOST_COLUMNS = 4
 
 def table(settings: Sequence[Setting]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
-    found = [dict(_scores(each.task, each.facts)) for each in settings]
-    names = list(dict.fromkeys(name for scores in found for name in scores))
+    columns = [dict(_scores(each.task, each.facts)) for each in settings]
+    names = list(dict.fromkeys(name for scores in columns for name in scores))
     titles = [""]
     if len(settings) > 1:
         titles = [each.title for each in settings]
     if len(settings) > MOST_COLUMNS:
-        turned = zip(titles, found, strict=True)
+        turned = zip(titles, columns, strict=True)
         lines = tuple(((Text(title),), *(scores.get(name, ()) for name in names)) for title, scores in turned)
         return CellTable(("", *names), lines)
-    rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in found)) for name in names)
+    rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in columns)) for name in names)
     return CellTable(("", *titles), rows)
 
 

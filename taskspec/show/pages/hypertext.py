@@ -107,21 +107,21 @@ class HtmlWriter:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> Markup:
-        found = self.references.get(cite.key)
+        reference = self.references.get(cite.key)
         if cite.where:
             where = Markup(", {}").format(cite.where)
         else:
             where = Markup("")
-        if found is None:
+        if reference is None:
             return Markup("{}").format(cite.key) + where
-        title = Markup("{}").format(found.plain("title"))
-        address = found.plain("url")
+        title = Markup("{}").format(reference.plain("title"))
+        address = reference.plain("url")
         if address and p.is_safe(address):
             title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
         venue = ""
-        if found.venue:
-            venue = f", {found.venue}"
-        head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
+        if reference.venue:
+            venue = f", {reference.venue}"
+        head = Markup("{} ({}). ").format(reference.authors, reference.plain("year"))
         return head + title + Markup("{}").format(venue) + where
 
     def block(self, block: p.Block) -> Markup:

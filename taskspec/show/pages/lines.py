@@ -47,11 +47,11 @@ def parameters(w: Writing) -> Iterator[Inlines]:
 
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
-    found = []
+    lines = []
     for case in given:
         equal: list[Inlines] = [(formula(w.symbol(name), m.Sym("="), setting(x)),) for name, x in case.items()]
-        found.append(separated(equal))
-    return separated(found, "; ")
+        lines.append(separated(equal))
+    return separated(lines, "; ")
 
 
 def setting(value: Any) -> m.Math:
@@ -128,7 +128,7 @@ def _components(
         name = [w.symbol(c.name)]
         if len(components) > 1:
             name += [m.Sym("∈"), w.domain(c.name, declared[c.name])]
-        said = [found for found in (inlines(c.doc), _labels(w, c)) if found]
+        said = [part for part in (inlines(c.doc), _labels(w, c)) if part]
         if said:
             yield (formula(*name), Text(": "), *separated(said, "; "))
         elif len(components) > 1:
@@ -288,8 +288,8 @@ def _of_step(w: Writing, left: m.Math, expr: s.Expr) -> Formula:
 
 def initial(w: Writing) -> Iterator[Inlines]:
     """Yield a line for each component; neighbours that are drawn alike share one."""
-    found = list((w.parsed("initial") or {}).items())
-    for _, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
+    written = list((w.parsed("initial") or {}).items())
+    for _, group in groupby(written, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
         pairs = list(group)
         name, expr = pairs[0]
         line: Inlines = (Formula(w.equation(m.joined(w.symbol(each) for each, _ in pairs), expr, name)),)
@@ -314,7 +314,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)), Text("; after a step "),
             Formula(w.equation(w.symbol(c.name, primed=True), memory[f"{c.name}'"], c.name)),
         )  # fmt: skip
-    found = w.parsed("expert")
+    written = w.parsed("expert")
     match w.task.annotations.expert:
         case None:
             return
@@ -322,12 +322,12 @@ def expert(w: Writing) -> Iterator[Inlines]:
             yield (Text("an optimal policy of the exact model"),)
         case Soft():
             value: m.Math = m.Num(f"{w.task.annotations.expert.beta:g}")
-            if isinstance(found, s.Call):
-                value = w.math(found.args[0])
+            if isinstance(written, s.Call):
+                value = w.math(written.args[0])
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            actions = found
-            if not isinstance(found, Mapping):
-                actions = {next(iter(w.spec.action)): found}
+            actions = written
+            if not isinstance(written, Mapping):
+                actions = {next(iter(w.spec.action)): written}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -130,8 +130,8 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
     if settings and len(settings) < scores.MOST_COLUMNS:
         own_values = _concrete(task, facts)
         for each in settings:
-            found = _concrete(each.task, each.facts)
-            shown = [_beside(s, own_values.get(s.key), found.get(s.key)) for s in shown]
+            concrete = _concrete(each.task, each.facts)
+            shown = [_beside(s, own_values.get(s.key), concrete.get(s.key)) for s in shown]
     return tuple(shown)
 
 
@@ -152,10 +152,10 @@ def _beside(section: Section, own: Section | None, concrete: Section | None) -> 
     lines = []
     for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
         if other.content != usual.content:
-            found = other.content
+            content = other.content
         else:
-            found = ()
-        lines.append(replace(line, values=(*line.values, found)))
+            content = ()
+        lines.append(replace(line, values=(*line.values, content)))
     return replace(section, lines=tuple(lines))
 
 
@@ -224,7 +224,7 @@ def _scores_alone(page: Page) -> Section:
 
 def families(pages: Iterable[Page]) -> list[Family]:
     """Return pages by their spec, each after the first by its differences from that earlier one which leaves the fewest lines."""
-    found = []
+    listed = []
     for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
         head, *others = group
         siblings = []
@@ -232,8 +232,8 @@ def families(pages: Iterable[Page]) -> list[Family]:
             choices = [(base, _differing(base, page)) for base in (head, *others[:i])]
             base, differing = min(choices, key=lambda choice: _lines(choice[1]))
             siblings.append(Sibling(replace(page, sections=differing), base))
-        found.append(Family(head, tuple(siblings)))
-    return found
+        listed.append(Family(head, tuple(siblings)))
+    return listed
 
 
 def _lines(sections: Iterable[Section]) -> int:
@@ -242,7 +242,7 @@ def _lines(sections: Iterable[Section]) -> int:
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
     same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
-    found = []
+    differing = []
     for section in page.sections:
         known = base.section(section.key)
         if known == section:
@@ -253,9 +253,9 @@ def _differing(base: Page, page: Page) -> tuple[Section, ...]:
         if section.key == "scores" and section.table and known is not None and known.table:
             rows = tuple(row for row in section.table.rows if row not in known.table.rows)
             section = replace(section, table=replace(section.table, rows=rows))
-        found.append(section)
+        differing.append(section)
     for section in base.sections:
         if page.section(section.key) is None:
             line = SectionLine((Text("the state" if section.key == "observations" else "none"),))
-            found.append(replace(section, lines=(line,), lead=True, table=None))
-    return tuple(found)
+            differing.append(replace(section, lines=(line,), lead=True, table=None))
+    return tuple(differing)

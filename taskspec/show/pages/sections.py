@@ -32,11 +32,11 @@ NOT_HERE = p.Mark(False, "not for these values")  # the mark of a claim that is 
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
-def claim_text(w: Writing, found: Claim) -> p.Inlines:
+def claim_text(w: Writing, claim: Claim) -> p.Inlines:
     """Return a claim with what it was written beside: the decision model, the tolerance, where the source states it."""
-    options = found.options
+    options = claim.options
     under = options.get("under")
-    content = sentence(w, found.expr, None if under is None else expression(str(under)))
+    content = sentence(w, claim.expr, None if under is None else expression(str(under)))
     if options.get("tolerance") is not None:
         content += (p.Text(", to within "), p.Formula(w.declared(options["tolerance"])))
     if options.get("where"):
@@ -111,10 +111,10 @@ def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> p.CellTable | N
 
 def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
     def cell(w: Writing, example: Example) -> p.Inlines:
-        found = [w.equation(w.symbol(name), expr, name) for (of, name), expr in example.given.items() if of is role]
+        equations = [w.equation(w.symbol(name), expr, name) for (of, name), expr in example.given.items() if of is role]
         if example.t and role is Role.STATE:
-            found.append(m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t)))))
-        return _formulas(found)
+            equations.append(m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t)))))
+        return _formulas(equations)
 
     return cell
 
@@ -122,7 +122,7 @@ def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
 def _what_follows(w: Writing, example: Example) -> p.Inlines:
     ends = {f.section: f.expr for f in example.follows if f.section in _ENDS}
     said = [f for f in example.follows if f.section not in _ENDS]
-    parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
+    parts = [_of_section(w, section, list(same)) for section, same in groupby(said, lambda f: f.section)]
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
         parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
     elif ends:
@@ -133,9 +133,9 @@ def _what_follows(w: Writing, example: Example) -> p.Inlines:
     return p.separated(parts)
 
 
-def _of_section(w: Writing, section: str, found: list[Followed]) -> p.Inlines:
+def _of_section(w: Writing, section: str, followed: list[Followed]) -> p.Inlines:
     items = []
-    for f in found:
+    for f in followed:
         if f.name is None:
             items.append(w.math(f.expr))
         else:
@@ -198,10 +198,10 @@ def symmetries(w: Writing) -> Iterator[p.Inlines]:
         for key, maps in exprs[symmetry.name].items():
             shown = [(each,) for each in _maps(w, key, maps)]
             content += [p.Text(_MAPS[key]), *p.listing(shown), p.Text("; ")]
-        found = verify_symmetry(w.task, symmetry)
+        check = verify_symmetry(w.task, symmetry)
         mark = p.Mark(False, "false")
-        if found.problem is None:
-            mark = p.Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
+        if check.problem is None:
+            mark = p.Mark(True, "proved" if check.is_proved else f"tested at {check.points:,} points")
         yield (*content, p.Text("returns are kept "), mark)
 
 
@@ -318,21 +318,21 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
     changed = modifiers(w.task)
     w = replace(w, task=as_written(w.task))
     maps = [SectionLine((p.Text(name),), verbatim=text) for name, text in lines.grids(w)]
-    found = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
-    found[1:1] = [
+    sections = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
+    sections[1:1] = [
         Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
         Section("maps", "Maps", tuple(maps)),
     ]
-    found += [
+    sections += [
         *found_results,
         Section("examples", "Examples", (), table=examples(w, facts.wrong_examples)),
         Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
         Section("sources", "Sources", tuple(SectionLine((p.Cite(x.key, x.where),)) for x in w.spec.sources)),
     ]
-    for i, section in enumerate(found):
+    for i, section in enumerate(sections):
         if len(section.lines) == 1 and section.lines[0].verbatim is None:
-            found[i] = replace(section, lead=True)
-    return [section for section in found if section.lines or section.table]
+            sections[i] = replace(section, lead=True)
+    return [section for section in sections if section.lines or section.table]
 
 
 def results(columns: Sequence[Setting]) -> list[Section]:
@@ -349,25 +349,25 @@ def results(columns: Sequence[Setting]) -> list[Section]:
         return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
     table = scores.table(columns)
     marks = [_marks(each.facts, len(stated), is_own=i == 0) for i, each in enumerate(columns)]
-    found = Section("scores", scores.title(columns[0].facts), (), table=table)
+    section = Section("scores", scores.title(columns[0].facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
         written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
-        return [found, Section("claims", "Claims", tuple(written))]
+        return [section, Section("claims", "Claims", tuple(written))]
     if not stated:
-        return [found]
+        return [section]
     rows = [(said, *cells) for said, *cells in zip(stated, *marks, strict=True)]
-    return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
+    return [replace(section, title=f"{section.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
 
 
 def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
     """Return what became of each claim; one that does not hold at other values than the page's own is not about them."""
-    found: list[p.Inlines] = []
+    marks: list[p.Inlines] = []
     for verdict in facts.verdicts:
         if verdict.holds is False and not is_own:
-            found.append((NOT_HERE,))
+            marks.append((NOT_HERE,))
         else:
-            found.append((verdict,) if verdict.text else ())
-    return [*found, *[()] * (count - len(found))]
+            marks.append((verdict,) if verdict.text else ())
+    return [*marks, *[()] * (count - len(marks))]
 
 
 def _errata(w: Writing) -> Iterator[p.Inlines]:

@@ -82,7 +82,7 @@ def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> lis
         if name in wanted or (name == "latex" and "pdf" in wanted):
             files |= writer(suite)
     if {"markdown", "svg"} & set(wanted):
-        files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
+        files |= {f"figures/{anchor}.svg": svg(drawn) + "\n" for anchor, drawn in suite.scenes.items()}
     written = [Path(folder) / name for name in files]
     for path, text in zip(written, files.values(), strict=True):
         write_text(path, text)
@@ -112,12 +112,12 @@ def gather_pages(
     known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
-    found = telling(together(tasks), lambda each: f"page of {each[0].id}")
-    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in found)
+    gathered = telling(together(tasks), lambda each: f"page of {each[0].id}")
+    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in gathered)
     pages = _apart(map(briefly, made) if brief else made)
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
     shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
-    scenes = {name: found for name, found in shown if found is not None}
+    scenes = {name: gathered for name, gathered in shown if gathered is not None}
     cited = beside(task.source.document.origin.name for task in tasks)
     names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
     if not title and names:
@@ -127,11 +127,11 @@ def gather_pages(
 
 def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
     """Return each task at its defaults, with the other values of its varied parameters."""
-    found: dict[str, list[Task]] = {}
+    by_name: dict[str, list[Task]] = {}
     for task in tasks:
-        found.setdefault(task.id, []).append(task)
+        by_name.setdefault(task.id, []).append(task)
     together: list[tuple[Task, list[Mapping[str, Any]]]] = []
-    for same in found.values():
+    for same in by_name.values():
         defaults = {p.name: p.default for p in same[0].parameters}
         others = [task.values for task in same if task.values != defaults]
         varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
@@ -142,7 +142,7 @@ def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
     taken = set(_TAKEN)
-    found = []
+    separate = []
     for each in pages:
         anchor = each.anchor
         number = 1
@@ -150,8 +150,8 @@ def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
             number += 1
             anchor = f"{each.anchor}-{number}"
         taken.add(anchor)
-        found.append(replace(each, anchor=anchor))
-    return tuple(found)
+        separate.append(replace(each, anchor=anchor))
+    return tuple(separate)
 
 
 def compile_pdf(folder: Path) -> Path:
@@ -176,14 +176,14 @@ def compile_pdf(folder: Path) -> Path:
 
 def facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
     """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
-    found = {}
+    by_task = {}
     printed = [task for task, _ in together(tasks)]
     for task in telling(printed, lambda task: f"scores of {task.id}"):
         try:
-            found[task.id] = gather(task)
+            by_task[task.id] = gather(task)
         except SpecError as error:
             problems += error.diagnostics
-    return found
+    return by_task
 
 
 DOCS = {

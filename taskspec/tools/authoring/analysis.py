@@ -88,14 +88,14 @@ class Analysis:
     @cached_property
     def declarations(self) -> dict[str, Declaration]:
         """The names that the text declares; labels of choices included."""
-        found: dict[str, Declaration] = {}
+        named: dict[str, Declaration] = {}
         for attempt in self.attempts:
             for path, name, noun in declared(attempt.merged):
-                found.setdefault(name, Declaration(name, noun, _written(attempt.merged, path)))
+                named.setdefault(name, Declaration(name, noun, _written(attempt.merged, path)))
             for section in ("parameters", "state", "action"):
                 for path, label in _labels(attempt.merged, section):
-                    found.setdefault(label, Declaration(label, "label", _written(attempt.merged, path)))
-        return found
+                    named.setdefault(label, Declaration(label, "label", _written(attempt.merged, path)))
+        return named
 
     def uses(self, name: str) -> Iterator[s.Name | s.Call | s.Quoted]:
         """Yield each use of a name in the expressions of the text, with its prime or without, in no order."""
@@ -124,14 +124,14 @@ def analyse(text: str, name: str = "<string>", before: Analysis | None = None) -
     reading = read_tolerantly(text, name)
     if reading.document is None:
         return Analysis(text, name, None, (), reading.diagnostics)
-    found = list(reading.diagnostics)
+    problems = list(reading.diagnostics)
     made: list[Attempt] = []
     try:
         made, mistakes = attempts(reading.document, before=before.attempts if before else ())
-        found += [each for each in mistakes if not _on_lines(each, reading.repaired)]
+        problems += [each for each in mistakes if not _on_lines(each, reading.repaired)]
     except SpecError as error:
-        found += error.diagnostics
-    return Analysis(text, name, reading.document, tuple(made), in_order(found))
+        problems += error.diagnostics
+    return Analysis(text, name, reading.document, tuple(made), in_order(problems))
 
 
 def own(path: Path) -> Path:
@@ -175,7 +175,7 @@ def _name_of(node: object) -> str | None:
     return None
 
 
-def _on_lines(found: Diagnostic, repaired: frozenset[int]) -> bool:
-    if not repaired or found.span is None:
+def _on_lines(diagnostic: Diagnostic, repaired: frozenset[int]) -> bool:
+    if not repaired or diagnostic.span is None:
         return False
-    return found.span.line in repaired or found.code in ("E203", "E210", "E217")
+    return diagnostic.span.line in repaired or diagnostic.code in ("E203", "E210", "E217")

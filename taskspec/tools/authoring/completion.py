@@ -44,12 +44,12 @@ def complete(analysis: Analysis, offset: int) -> tuple[list[Completion], str]:
     if at.kind == "text":
         return [], ""
     if at.kind == "key":
-        found = list(_keys(analysis, at.path[:-1], at.word))
+        proposals = list(_keys(analysis, at.path[:-1], at.word))
     else:
-        found = list(_values(analysis, at.path, at.before))
+        proposals = list(_values(analysis, at.path, at.before))
         if at.before == at.word:  # it may become the first key of a mapping
-            found += _keys(analysis, at.path, at.word)
-    fitting = [each for each in found if each.label.lower().startswith(at.word.lower())]
+            proposals += _keys(analysis, at.path, at.word)
+    fitting = [each for each in proposals if each.label.lower().startswith(at.word.lower())]
     return list({each.label: each for each in fitting}.values()), at.word
 
 
@@ -109,8 +109,8 @@ def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]:
-    found = schemas(path)
-    for schema in found:
+    proposed = schemas(path)
+    for schema in proposed:
         for option in schema.get("enum", ()):
             yield Completion(str(option), "value", documentation=schema.get("description", ""))
         if schema.get("type") == "boolean":
@@ -154,8 +154,8 @@ def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
             written = written[step]
         except (KeyError, IndexError, TypeError):
             written = ""
-    for found in re.finditer(r"\bfor ([\w, ]+?) in\b", f"{written} {before}"):
-        yield from re.findall(r"\w+", found[1])
+    for match in re.finditer(r"\bfor ([\w, ]+?) in\b", f"{written} {before}"):
+        yield from re.findall(r"\w+", match[1])
     if own(path)[:1] == ("definitions",):
         yield from signature(str(path[-1]))[1] or ()
 
@@ -179,15 +179,15 @@ def names(scope: Scope | None) -> Iterator[Completion]:
 
 @lru_cache
 def _language(with_draws: bool) -> tuple[Completion, ...]:
-    found = [Completion(each.name, "function", each.signature, each.doc) for each in FUNCTIONS.values()]
+    entries = [Completion(each.name, "function", each.signature, each.doc) for each in FUNCTIONS.values()]
     if with_draws:
         for dist in (CATEGORICAL, *DISTS.values()):
             arguments = ", ".join(each.name for each in dist.arguments)
-            found += [Completion(each.name, "argument", dist.name) for each in dist.arguments]
-            found.append(Completion(dist.name, "distribution", f"{dist.name}({arguments})", dist.doc))
-        found.append(Completion("shape", "argument", "of a vector of draws"))
-    found += [Completion(name, "constant", setting(value)) for name, value in CONSTANTS.items()]
-    return (*found, *(Completion(word, "keyword") for word in KEYWORDS))
+            entries += [Completion(each.name, "argument", dist.name) for each in dist.arguments]
+            entries.append(Completion(dist.name, "distribution", f"{dist.name}({arguments})", dist.doc))
+        entries.append(Completion("shape", "argument", "of a vector of draws"))
+    entries += [Completion(name, "constant", setting(value)) for name, value in CONSTANTS.items()]
+    return (*entries, *(Completion(word, "keyword") for word in KEYWORDS))
 
 
 @lru_cache

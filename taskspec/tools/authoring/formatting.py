@@ -205,7 +205,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 
 def fixed(text: str, fixes: Iterable[Fix]) -> str:
     """Return a text with fixes put in; of two that overlap, the first is."""
-    starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
+    starts = [0, *(match.end() for match in _LINE_END.finditer(text))]
     changes = []
     for span, replacement in fixes:
         start = starts[span.line - 1] + span.column - 1
@@ -226,14 +226,14 @@ def spliced(text: str, changes: Iterable[Change]) -> str:
 
 def fix_files(problems: Iterable[Diagnostic]) -> int:
     """Put the fixes of errors into the files that they are about, and return their number."""
-    found: dict[str, set[Fix]] = {}
+    by_file: dict[str, set[Fix]] = {}
     for each in problems:
         fix = each.fix
         if fix is not None and each.severity == "error":
-            found.setdefault(fix.span.origin.name, set()).add(fix)
-    for name, fixes in found.items():
+            by_file.setdefault(fix.span.origin.name, set()).add(fix)
+    for name, fixes in by_file.items():
         path = pathlib.Path(name)
         with path.open(encoding="utf-8", newline="") as file:
             text = file.read()
         write_text(path, fixed(text, fixes))
-    return sum(map(len, found.values()))
+    return sum(map(len, by_file.values()))

@@ -59,9 +59,9 @@ def hover(analysis: Analysis, offset: int) -> str | None:
         return None
     language = _of_language(word)
     if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
-        found = [each["description"] for each in schemas(at.path) if "description" in each]
-        if found:
-            return f"`{word}`: {found[0]}"
+        texts = [each["description"] for each in schemas(at.path) if "description" in each]
+        if texts:
+            return f"`{word}`: {texts[0]}"
         return None
     scope = analysis.scope(at.path)
     bound = None
@@ -82,12 +82,12 @@ def hover(analysis: Analysis, offset: int) -> str | None:
 def definition(analysis: Analysis, offset: int) -> Span | None:
     """Return the place where the name at an offset is declared."""
     word, _ = word_at(analysis.text, offset)
-    found = analysis.declarations.get(word.rstrip("'"))
-    if found is None or not found.path or analysis.document is None:
+    declaration = analysis.declarations.get(word.rstrip("'"))
+    if declaration is None or not declaration.path or analysis.document is None:
         return None
-    if isinstance(found.path[-1], int) or found.noun == "alias of a parameter":
-        return analysis.document.span(found.path)
-    return analysis.document.key_span(found.path)
+    if isinstance(declaration.path[-1], int) or declaration.noun == "alias of a parameter":
+        return analysis.document.span(declaration.path)
+    return analysis.document.key_span(declaration.path)
 
 
 def name_at(analysis: Analysis, offset: int) -> str | None:
@@ -229,9 +229,9 @@ def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
 
 def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
     line = analysis.text.count("\n", 0, offset) + 1
-    for found in analysis.diagnostics:
-        if found.span is not None and found.span.line == line:
-            code = codes()[found.code]
+    for diagnostic in analysis.diagnostics:
+        if diagnostic.span is not None and diagnostic.span.line == line:
+            code = codes()[diagnostic.code]
             return f"**{code.code}** {code.title}\n\n{code.explanation}"
     return None
 
@@ -276,7 +276,7 @@ _NOUNS = {
 
 def tokens(analysis: Analysis) -> list[tuple[str, Span]]:
     """Return each token with its kind, by place; tokens do not overlap."""
-    found: dict[Span, str] = {}
+    kinds: dict[Span, str] = {}
     for attempt in analysis.attempts:
         for expr in attempt.merged.parsed.values():
             for node in s.below(expr):
@@ -284,8 +284,8 @@ def tokens(analysis: Analysis) -> list[tuple[str, Span]]:
                 if place is not None:
                     span = place.span
                     if span.origin.name == analysis.name and span.line == span.end_line:
-                        found[span] = kind
-    return [(kind, span) for span, kind in sorted(found.items(), key=lambda each: (each[0].line, each[0].column))]
+                        kinds[span] = kind
+    return [(kind, span) for span, kind in sorted(kinds.items(), key=lambda each: (each[0].line, each[0].column))]
 
 
 def _token(node: object, analysis: Analysis) -> tuple[s.Place | None, str]:

@@ -153,12 +153,12 @@ class Cursor(NamedTuple):
 def cursor(text: str, offset: int, name: str) -> Cursor:
     """Return what stands at an offset of a text, which need not be complete."""
     document = read_tolerantly(text[:offset] + _MARK + text[offset:], name).document
-    found = None
+    place = None
     if document is not None:
-        found = document.search(_MARK)
-    if found is None:
+        place = document.search(_MARK)
+    if place is None:
         return Cursor((), "text")
-    path, is_key, value = found
+    path, is_key, value = place
     before = value.partition(_MARK)[0]
     word = _PARTIAL.search(before)
     return Cursor(path, "key" if is_key else "value", before, word.group() if word else "")
@@ -169,7 +169,7 @@ def word_at(text: str, offset: int) -> tuple[str, int]:
     start = text.rfind("\n", 0, offset) + 1
     end = text.find("\n", offset)
     line = text[start : end if end >= 0 else len(text)]
-    for found in _WORD.finditer(line):
-        if found.start() <= offset - start <= found.end():
-            return found.group(), start + found.start()
+    for match in _WORD.finditer(line):
+        if match.start() <= offset - start <= match.end():
+            return match.group(), start + match.start()
     return "", offset

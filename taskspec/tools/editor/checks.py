@@ -104,9 +104,9 @@ def _words(scores: Any) -> str:
 
     words = []
     for name in ("optimal", "expert", "random", "worst"):
-        found = getattr(scores, name)
-        if found is not None and found.value is not None:
-            words.append(f"{name} {setting(found.value)}{'' if found.exact else ' (estimated)'}")
+        value = getattr(scores, name)
+        if value is not None and value.value is not None:
+            words.append(f"{name} {setting(value.value)}{'' if value.exact else ' (estimated)'}")
     return ", ".join(words)
 
 

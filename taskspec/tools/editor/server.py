@@ -85,24 +85,24 @@ class Server(LanguageServer):
     def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
         """Return the analysis of a document as it is now, and the document."""
         document = self.workspace.get_text_document(uri)
-        found = self.analyses.get(uri)
-        if found is None or found.text != document.source:
+        latest = self.analyses.get(uri)
+        if latest is None or latest.text != document.source:
             if _IS_SPEC.search(document.source):
-                found = analyse(document.source, document.path, self.known.get(uri))
+                latest = analyse(document.source, document.path, self.known.get(uri))
             else:
-                found = Analysis(document.source, document.path, None, (), ())
-            self.analyses[uri] = found
-            if found.attempts:
-                self.known[uri] = found
-        return found, document
+                latest = Analysis(document.source, document.path, None, (), ())
+            self.analyses[uri] = latest
+            if latest.attempts:
+                self.known[uri] = latest
+        return latest, document
 
     def publish(self, uri: str) -> None:
         """Send the mistakes of a document, with those that the last check found."""
-        found, document = self.analysis(uri)
-        problems = [_problem(each, document) for each in found.diagnostics if _is_here(each, found)]
+        analysis, document = self.analysis(uri)
+        problems = [_problem(each, document) for each in analysis.diagnostics if _is_here(each, analysis)]
         if uri in self.checked:
-            known = {(each.code, each.message) for each in found.diagnostics}
-            reported = self.checked[uri].problems_in(found.text)
+            known = {(each.code, each.message) for each in analysis.diagnostics}
+            reported = self.checked[uri].problems_in(analysis.text)
             problems += [_reported(each, document) for each in reported if (each["code"], each["message"]) not in known]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
 
@@ -153,14 +153,14 @@ def closed(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
 def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
     """Return what can be written at a place."""
     uri = params.text_document.uri
-    found, document = ls.analysis(uri)
-    if not _IS_SPEC.search(found.text):
+    analysis, document = ls.analysis(uri)
+    if not _IS_SPEC.search(analysis.text):
         return lsp.CompletionList(is_incomplete=False, items=[])
-    if not found.attempts and uri in ls.known:
+    if not analysis.attempts and uri in ls.known:
         known = ls.known[uri]
-        found = Analysis(found.text, found.name, known.document, known.attempts, found.diagnostics)
+        analysis = Analysis(analysis.text, analysis.name, known.document, known.attempts, analysis.diagnostics)
     offset = document.offset_at_position(params.position)
-    offered, word = complete(found, offset)
+    offered, word = complete(analysis, offset)
     start = document.client_position_at_offset(offset - len(word))
     items = []
     for each in offered:
@@ -177,8 +177,8 @@ def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
 @server.feature(lsp.TEXT_DOCUMENT_HOVER)
 def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
     """Return what the word at a place means."""
-    found, document = ls.analysis(params.text_document.uri)
-    text = hover(found, document.offset_at_position(params.position))
+    analysis, document = ls.analysis(params.text_document.uri)
+    text = hover(analysis, document.offset_at_position(params.position))
     if text is None:
         return None
     return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text))
@@ -187,8 +187,8 @@ def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
 @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
 def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
     """Return where the name at a place is declared."""
-    found, document = ls.analysis(params.text_document.uri)
-    span = definition(found, document.offset_at_position(params.position))
+    analysis, document = ls.analysis(params.text_document.uri)
+    span = definition(analysis, document.offset_at_position(params.position))
     if span is None:
         return None
     return lsp.Location(document.uri, _range(span, document))
@@ -197,8 +197,8 @@ def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
 @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
 def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
     """Return every place of the name at a place."""
-    found, document = ls.analysis(params.text_document.uri)
-    spans = references(found, name_at(found, document.offset_at_position(params.position)))
+    analysis, document = ls.analysis(params.text_document.uri)
+    spans = references(analysis, name_at(analysis, document.offset_at_position(params.position)))
     return [lsp.Location(document.uri, _range(span, document)) for span in spans]
 
 
@@ -208,11 +208,11 @@ def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
 
     A name that another file declares is renamed there.
     """
-    found, document = ls.analysis(params.text_document.uri)
-    name = name_at(found, document.offset_at_position(params.position))
-    if name is None or not found.declarations[name].path:
+    analysis, document = ls.analysis(params.text_document.uri)
+    name = name_at(analysis, document.offset_at_position(params.position))
+    if name is None or not analysis.declarations[name].path:
         return None
-    changes = {document.uri: [_edit(each, document) for each in rename(found, name, params.new_name)]}
+    changes = {document.uri: [_edit(each, document) for each in rename(analysis, name, params.new_name)]}
     for other, place in _extending(ls, Path(document.path)):
         if name in other.declarations and not other.declarations[name].path:
             changes[place.uri] = [_edit(each, place) for each in rename(other, name, params.new_name)]
@@ -223,19 +223,19 @@ def _extending(ls: Server, path: Path) -> Iterator[tuple[Analysis, TextDocument]
     for place in sorted(path.parent.glob("*.yaml")):
         document = ls.workspace.get_text_document(place.as_uri())
         if place != path and "extends" in document.source:
-            found = analyse(document.source, str(place))
-            if found.document is not None and str(path) in found.document.files:
-                yield found, document
+            analysis = analyse(document.source, str(place))
+            if analysis.document is not None and str(path) in analysis.document.files:
+                yield analysis, document
 
 
 @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions([lsp.CodeActionKind.QuickFix]))
 def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
     """Return the fixes of the mistakes in a range."""
-    found, document = ls.analysis(params.text_document.uri)
+    analysis, document = ls.analysis(params.text_document.uri)
     offered = []
-    for each in found.diagnostics:
+    for each in analysis.diagnostics:
         fix = each.fix
-        if fix is None or not _is_here(each, found):
+        if fix is None or not _is_here(each, analysis):
             continue
         problem = _problem(each, document)
         if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
@@ -249,14 +249,14 @@ def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
 @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
 def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
     """Return the sections of a document with their entries."""
-    found, document = ls.analysis(params.text_document.uri)
-    if found.document is None or not isinstance(found.document.data, dict):
+    analysis, document = ls.analysis(params.text_document.uri)
+    if analysis.document is None or not isinstance(analysis.document.data, dict):
         return []
     outline = []
-    for section, entries in found.document.data.items():
-        symbol = _symbol(found, (section,), lsp.SymbolKind.Module, document)
+    for section, entries in analysis.document.data.items():
+        symbol = _symbol(analysis, (section,), lsp.SymbolKind.Module, document)
         if isinstance(entries, dict):
-            symbol.children = [_symbol(found, (section, key), lsp.SymbolKind.Variable, document) for key in entries]
+            symbol.children = [_symbol(analysis, (section, key), lsp.SymbolKind.Variable, document) for key in entries]
         outline.append(symbol)
     return outline
 
@@ -266,10 +266,10 @@ def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSy
 )
 def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
     """Return the names and functions in the expressions of a document, each relative to the one before."""
-    found, document = ls.analysis(params.text_document.uri)
+    analysis, document = ls.analysis(params.text_document.uri)
     data: list[int] = []
     line = column = 0
-    for kind, span in tokens(found):
+    for kind, span in tokens(analysis):
         place = _range(span, document)
         same_line = place.start.line == line
         if same_line:
@@ -287,19 +287,19 @@ def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens
 def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
     """Return exact scores above the names of tasks, and verdicts above the claims."""
     uri = params.text_document.uri
-    found, document = ls.analysis(uri)
+    analysis, document = ls.analysis(uri)
     shown: list[lsp.CodeLens] = []
-    if uri not in ls.checked or found.document is None:
+    if uri not in ls.checked or analysis.document is None:
         return shown
     for path, text in ls.checked[uri].lenses:
-        inner: Any = found.document.data
+        inner: Any = analysis.document.data
         for step in path[:-1]:
             if isinstance(inner, dict):
                 inner = inner.get(step)
             else:
                 inner = None
         if isinstance(inner, dict) and path[-1] in inner:
-            place = _range(found.document.key_span(tuple(path)), document)
+            place = _range(analysis.document.key_span(tuple(path)), document)
             shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
     return shown
 
@@ -307,8 +307,8 @@ def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
 @server.feature(lsp.TEXT_DOCUMENT_SIGNATURE_HELP, lsp.SignatureHelpOptions(trigger_characters=["(", ","]))
 def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
     """Return how the function is called whose arguments are being written."""
-    found, document = ls.analysis(params.text_document.uri)
-    call = signature_at(found, document.offset_at_position(params.position))
+    analysis, document = ls.analysis(params.text_document.uri)
+    call = signature_at(analysis, document.offset_at_position(params.position))
     if call is None:
         return None
     written, doc, argument = call
@@ -320,30 +320,30 @@ def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp 
 @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
 def laid_out(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
     """Return the change that gives a document its usual layout."""
-    found, document = ls.analysis(params.text_document.uri)
+    analysis, document = ls.analysis(params.text_document.uri)
     try:
-        if _IS_SPEC.search(found.text):
-            new = formatted(found.text, found.name)
+        if _IS_SPEC.search(analysis.text):
+            new = formatted(analysis.text, analysis.name)
         else:
-            new = found.text
+            new = analysis.text
     except SpecError:
         return []
-    if new == found.text:
+    if new == analysis.text:
         return []
-    whole = lsp.Range(lsp.Position(0, 0), document.client_position_at_offset(len(found.text)))
+    whole = lsp.Range(lsp.Position(0, 0), document.client_position_at_offset(len(analysis.text)))
     return [lsp.TextEdit(whole, new)]
 
 
 @server.feature(lsp.TEXT_DOCUMENT_FOLDING_RANGE)
 def folds(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
     """Return the lines of each entry that has several, without its first."""
-    found, _ = ls.analysis(params.text_document.uri)
-    if found.document is None:
+    analysis, _ = ls.analysis(params.text_document.uri)
+    if analysis.document is None:
         return []
     ranges = []
-    for path in _entries(found.document.data, ()):
-        first = found.document.key_span(path).line
-        value = found.document.span(path)
+    for path in _entries(analysis.document.data, ()):
+        first = analysis.document.key_span(path).line
+        value = analysis.document.span(path)
         last = value.end_line - (value.end_column == 1)
         if last > first:
             ranges.append(lsp.FoldingRange(first - 1, last - 1))
@@ -370,10 +370,10 @@ def _start_check(ls: Server, uri: str, pause: float) -> None:
 async def _check(ls: Server, uri: str, pause: float) -> None:
     """Check a text without mistakes, and send what is found."""
     await asyncio.sleep(pause)
-    found, document = ls.analysis(uri)
-    if not found.attempts or any(each.severity == "error" for each in found.diagnostics):
+    analysis, document = ls.analysis(uri)
+    if not analysis.attempts or any(each.severity == "error" for each in analysis.diagnostics):
         return
-    checked = LastCheck(found.text)
+    checked = LastCheck(analysis.text)
 
     def take(part: dict[str, Any]) -> None:
         checked.lenses += part["lenses"]
@@ -382,7 +382,7 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
             ls.checked[uri] = checked
             ls.publish(uri)
 
-    await check(found.text, document.path, take)
+    await check(analysis.text, document.path, take)
     ls.workspace_code_lens_refresh(None)
 
 
@@ -399,22 +399,22 @@ def _edit(fix: Fix, document: TextDocument) -> lsp.TextEdit:
     return lsp.TextEdit(_range(fix.span, document), fix.replacement)
 
 
-def _is_here(found: Diagnostic, analysis: Analysis) -> bool:
-    return found.span is None or found.span.origin.name == analysis.name
+def _is_here(diagnostic: Diagnostic, analysis: Analysis) -> bool:
+    return diagnostic.span is None or diagnostic.span.origin.name == analysis.name
 
 
-def _problem(found: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
+def _problem(diagnostic: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
     place = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
-    if found.span is not None:
-        place = _range(found.span, document)
-    return _as_shown(found.code, place, found.message, [found.hint, *found.notes])
+    if diagnostic.span is not None:
+        place = _range(diagnostic.span, document)
+    return _as_shown(diagnostic.code, place, diagnostic.message, [diagnostic.hint, *diagnostic.notes])
 
 
-def _reported(found: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
-    start = ServerTextPosition(found["line"] - 1, found["column"] - 1)
-    end = ServerTextPosition(found["end_line"] - 1, found["end_column"] - 1)
+def _reported(problem: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
+    start = ServerTextPosition(problem["line"] - 1, problem["column"] - 1)
+    end = ServerTextPosition(problem["end_line"] - 1, problem["end_column"] - 1)
     place = document.range_to_client_units(ServerTextRange(start, end))
-    return _as_shown(found["code"], place, found["message"], [found["hint"], *found["notes"]])
+    return _as_shown(problem["code"], place, problem["message"], [problem["hint"], *problem["notes"]])
 
 
 def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
@@ -422,9 +422,11 @@ def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str |
     return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
 
 
-def _symbol(found: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument) -> lsp.DocumentSymbol:
-    assert found.document is not None
-    key = _range(found.document.key_span(path), document)
-    value = _range(found.document.span(path), document)
+def _symbol(
+    analysis: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument
+) -> lsp.DocumentSymbol:
+    assert analysis.document is not None
+    key = _range(analysis.document.key_span(path), document)
+    value = _range(analysis.document.span(path), document)
     whole = lsp.Range(key.start, max(key.end, value.end, key=lambda place: (place.line, place.character)))
     return lsp.DocumentSymbol(path[-1] or "?", kind, whole, key)

@@ -72,9 +72,9 @@ def _of_task(task: Task) -> Iterator[str]:
 def _of_results(results: Results) -> Iterator[str]:
     rows = []
     for name in RETURNS:
-        found = getattr(results, name)
-        if found is not None:
-            rows.append((name, decimal(found.value, 10), found.status))
+        value = getattr(results, name)
+        if value is not None:
+            rows.append((name, decimal(value.value, 10), value.status))
     yield html_table(
         f"{results.task.instance_id}: {results.why_not or 'from an exact model'}", ("return", "value", "status"), rows
     )

@@ -41,10 +41,10 @@ class Explorer(anywidget.AnyWidget):
         return f"<Explorer of {self.results.task.instance_id}>"
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        found = super()._repr_mimebundle_(**options)
-        if found is None:
+        bundle = super()._repr_mimebundle_(**options)
+        if bundle is None:
             return None
-        data, about = found
+        data, about = bundle
         return data | {"text/html": self.view.get("figure") or ""}, about
 
     def act(self, action: int) -> None:

@@ -83,16 +83,16 @@ def answered(message: bytes, root: Path) -> bytes:
     start = time.perf_counter()
     given = json.loads(message)
     try:
-        found = {"ok": True, **KINDS[given["kind"]](Question(given, Folder(root)))}
+        answer = {"ok": True, **KINDS[given["kind"]](Question(given, Folder(root)))}
     except SpecError as error:
         first = error.diagnostics[0]
-        found = {"ok": False, "message": first.message, "hint": first.hint, "problems": records(error.diagnostics)}
+        answer = {"ok": False, "message": first.message, "hint": first.hint, "problems": records(error.diagnostics)}
     except FileRefused as error:
-        found = {"ok": False, "message": str(error), "refused": error.why}
+        answer = {"ok": False, "message": str(error), "refused": error.why}
     except Exception as error:  # a mistake of ours, or a message of another form
-        found = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
-    found |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
-    return json.dumps(json_data(found), ensure_ascii=False, default=str).encode(errors="replace")
+        answer = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
+    answer |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
+    return json.dumps(json_data(answer), ensure_ascii=False, default=str).encode(errors="replace")
 
 
 # -- the page and the scores ------------------------------------------------------------------------------------------
@@ -130,12 +130,12 @@ def scores(asked: Question) -> dict[str, Any]:
     task = asked.task.with_annotations(claims=(), examples=())
     sound = examine(task)
     raise_if_errors(sound.diagnostics)
-    found = results_of(task)
-    facts = gather(Report(task, (), sound.method, results=found))
+    solved = results_of(task)
+    facts = gather(Report(task, (), sound.method, results=solved))
     title = "Scores"
-    if found.model is not None:
+    if solved.model is not None:
         title = "Exact scores"
-    return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": found.why_not}
+    return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": solved.why_not}
 
 
 def claims(asked: Question) -> dict[str, Any]:
@@ -171,10 +171,10 @@ def results_of(task: Task) -> Results:
         if len(_results) >= KEPT or entries > LARGE:
             _results.clear()
         _results[key] = Results(task)
-    found = copy.copy(_results[key])
-    found.task = task
-    _results[key] = found
-    return found
+    kept = copy.copy(_results[key])
+    kept.task = task
+    _results[key] = kept
+    return kept
 
 
 def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
@@ -271,7 +271,7 @@ MOST_RESULTS = 40
 
 def results_in_files(asked: Question) -> dict[str, Any]:
     """Return the cards of exams and the plots in the folder, the newest first."""
-    found = []
+    exams = []
     places = sorted(asked.folder.files("exam.json", "exam.json.gz", ".svg"), key=lambda place: -place.stat().st_mtime)
     for place in places[:MOST_RESULTS]:
         entry = {"path": asked.folder.relative(place), "title": place.stem}
@@ -281,8 +281,8 @@ def results_in_files(asked: Question) -> dict[str, Any]:
             else:
                 exam = results.read(place.parent)
                 entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(card(exam))}
-            found.append(entry)
-    return {"results": found, "more": max(0, len(places) - MOST_RESULTS)}
+            exams.append(entry)
+    return {"results": exams, "more": max(0, len(places) - MOST_RESULTS)}
 
 
 def copied(asked: Question) -> dict[str, Any]:

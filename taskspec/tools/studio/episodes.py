@@ -46,10 +46,10 @@ ARROWS = {"right": "ArrowRight", "left": "ArrowLeft", "down": "ArrowDown", "up":
 def keys(task: Task) -> list[dict[str, str]] | None:
     """Return the actions in words, each with the key that it is played with; None for a task that cannot be played so."""
     try:
-        found = window.legend(task)
+        pairs = window.legend(task)
     except SpecError:
         return None
-    return [{"name": name, "key": ARROWS.get(key, key)} for key, name in found]
+    return [{"name": name, "key": ARROWS.get(key, key)} for key, name in pairs]
 
 
 # -- values -----------------------------------------------------------------------------------------------------------
@@ -133,18 +133,18 @@ def _evaluated(model: Model, plan: Plan, first: int) -> tuple[Array, Array]:
 def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int, layers: Sequence[str]) -> Overlay:
     likeliest = greedy(pi.T) > 0
     most = float(visits.max()) or 1.0
-    found: dict[str, dict[int, Any]] = {"values": {}, "policy": {}, "occupancy": {}}
+    parts: dict[str, dict[int, Any]] = {"values": {}, "policy": {}, "occupancy": {}}
     for s in np.flatnonzero(model.acting).tolist():
         code = int(model.codes[s])
-        found["values"][code] = float(V[s])
-        found["policy"][code] = tuple(np.flatnonzero(likeliest[s]).tolist())
-        found["occupancy"][code] = float(visits[s]) / most
+        parts["values"][code] = float(V[s])
+        parts["policy"][code] = tuple(np.flatnonzero(likeliest[s]).tolist())
+        parts["occupancy"][code] = float(visits[s]) / most
     legend = {
         "values": ("", f"expected return by the plan {name}, from step {t} on"),
         "policy": ("", f"likeliest actions of the plan {name} at step {t}"),
         "occupancy": (f"up to {number(most, 4)}", f"how likely an episode is there at step {t}"),
     }
-    chosen = {part: by_code for part, by_code in found.items() if part in layers}
+    chosen = {part: by_code for part, by_code in parts.items() if part in layers}
     return Overlay(**chosen, legend={part: legend[part] for part in chosen})  # type: ignore[arg-type]
 
 
@@ -152,15 +152,15 @@ def _lines(task: Task, model: Model) -> list[set[int]]:
     """Return for each state of a model the lines that decide about it: of branches and rows for next state, reward and end."""
     sections = ("dynamics", "reward", "terminal", "expert")
     written = [(expr, SectionScope(task, section)) for section in sections for _, expr in entries(task, section)]
-    found: list[set[int]] = [set() for _ in model.codes]
+    rows: list[set[int]] = [set() for _ in model.codes]
     for s, a in np.ndindex(model.n_states, model.n_actions):
         reads = model.states.decode(model.codes[s : s + 1]) | model.actions.decode(np.array([a]))
         reads[TIME] = np.zeros(1, np.int64)
         for expr, scope in written:
             span = narrow(expr, scope, reads).place.span
             if span.origin.name == task.source.document.origin.name:
-                found[s].add(span.line)
-    return found
+                rows[s].add(span.line)
+    return rows
 
 
 # -- an episode that is played ----------------------------------------------------------------------------------------
@@ -218,10 +218,10 @@ def _optimal(results: Results, visited: Mapping[int, Mapping[str, Any]]) -> Iter
     at = {t: _index(results, model, state) for t, state in visited.items()}
     if model.horizon is None:
         Q = InfiniteHorizon(model).q_values()
-        found: Iterable[tuple[int, Bound, Any]] = ((t, Q, None) for t in at)
+        levels: Iterable[tuple[int, Bound, Any]] = ((t, Q, None) for t in at)
     else:
-        found = Greedy().plan(Bounded(model))
-    for t, Q, _ in found:
+        levels = Greedy().plan(Bounded(model))
+    for t, Q, _ in levels:
         s = at.get(t)
         if s is not None:
             yield t, model.among_legal(Q.value, -np.inf)[:, s]
@@ -240,10 +240,10 @@ def _index(results: Results, model: Model, state: Mapping[str, Any]) -> int | No
 
 def fraction(value: float) -> str | None:
     """Return a number as a short fraction, where it is one up to rounding."""
-    found = small_fraction(value, LARGEST, 1e-12 * max(1.0, abs(value)))
-    if found is None:
+    exact = small_fraction(value, LARGEST, 1e-12 * max(1.0, abs(value)))
+    if exact is None:
         return None
-    return str(found).replace("-", "−")
+    return str(exact).replace("-", "−")
 
 
 # -- episodes of policies ---------------------------------------------------------------------------------------------

@@ -45,10 +45,10 @@ class Folder:
             FileRefused: it lies outside of the folder.
         """
         try:
-            found = (self.root / path).resolve()
-            is_inside = found.is_relative_to(self.root) and found != self.root
+            inside = (self.root / path).resolve()
+            is_inside = inside.is_relative_to(self.root) and inside != self.root
             if is_inside:
-                return found
+                return inside
         except (OSError, ValueError):  # no path at all
             pass
         raise FileRefused("outside", f"'{path}' is not in the folder {self.root.name}")
@@ -59,10 +59,10 @@ class Folder:
         Raises:
             FileRefused: it lies outside of the folder, or its name is not that of a spec.
         """
-        found = self.place(path)
-        if found.suffix not in SPECS or found.name.startswith("."):
+        inside = self.place(path)
+        if inside.suffix not in SPECS or inside.name.startswith("."):
             raise FileRefused("name", f"a spec ends in .yaml, and '{path}' does not")
-        return found
+        return inside
 
     def files(self, *suffixes: str) -> Iterator[Path]:
         """Yield the files with some suffixes, folder by folder, without links that lead out; a large folder is not read whole."""
@@ -71,9 +71,9 @@ class Folder:
             deep = len(Path(folder).relative_to(self.root).parts)
             folders[:] = sorted(name for name in folders if not name.startswith((".", "__")) and deep < DEPTH)
             for name in sorted(names):
-                found = Path(folder) / name
-                if name.endswith(suffixes) and name[0] != "." and found.resolve().is_relative_to(self.root):
-                    yield found
+                path = Path(folder) / name
+                if name.endswith(suffixes) and name[0] != "." and path.resolve().is_relative_to(self.root):
+                    yield path
             seen += len(names)
             if seen > MOST_NAMES:
                 return
@@ -159,8 +159,8 @@ def functions(place: Path) -> list[str]:
         body = ast.parse(text_of(place)).body
     except (SyntaxError, ValueError, SpecError):
         return []
-    found = [node for node in body if isinstance(node, ast.FunctionDef)]
-    return [node.name for node in found if len(node.args.args) == 1 and not node.name.startswith("_")]
+    defined = [node for node in body if isinstance(node, ast.FunctionDef)]
+    return [node.name for node in defined if len(node.args.args) == 1 and not node.name.startswith("_")]
 
 
 def digest(text: str) -> str:

@@ -222,7 +222,7 @@ class Conversation:
 
     def _about_files(self, asked: dict[str, Any]) -> str:
         try:
-            found = self._files[asked["kind"]](asked)
+            answer = self._files[asked["kind"]](asked)
         except FileRefused as error:
             return _refusal(asked, str(error), refused=error.why)
         except SpecError as error:
@@ -231,7 +231,7 @@ class Conversation:
             return _refusal(asked, f"the file cannot be used: {error.strerror}")
         except (KeyError, TypeError, AttributeError) as error:
             return _refusal(asked, f"the question lacks a part, or it has another type: {error}")
-        return json.dumps({"id": asked.get("id"), "kind": asked["kind"], "ok": True, **found}, ensure_ascii=False)
+        return json.dumps({"id": asked.get("id"), "kind": asked["kind"], "ok": True, **answer}, ensure_ascii=False)
 
 
 def _refusal(asked: dict[str, Any], message: str, **more: Any) -> str:

@@ -219,10 +219,10 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     """Return the figure, and where results are exact the same with each overlay; the reader chooses one by its word."""
     if scene is None:
         return []
-    found = {"task": scene}
+    scenes = {"task": scene}
     if page.facts.model is not None and len(scene.items) <= MOST_ITEMS:
-        found |= layers(page.task, page.facts.model)
-    shown = [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
+        scenes |= layers(page.task, page.facts.model)
+    shown = [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in scenes.items()]
     if page.facts.model is not None or isinstance(page.task.annotations.expert, tuple):
         moving = film(page.task)
         if moving is not None:

@@ -107,16 +107,16 @@ class LatexWriter:
 
     def table(self, section: Section) -> str:
         """Return a tabular, as wide as the line at the most, and its rows as paragraphs for lines that are too short for it."""
-        found = section.table
-        if found is None:
+        cells = section.table
+        if cells is None:
             return ""
-        rows = [list(map(self.cell, row)) for row in found.rows]
-        heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
+        rows = [list(map(self.cell, row)) for row in cells.rows]
+        heads = [rf"\taskspechead{{{escape(title)}}}" for title in cells.header]
         lines = rows
-        if any(found.header):
+        if any(cells.header):
             lines = [heads, *rows]
         body = r" \\ ".join(" & ".join(row) for row in lines)
-        stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
+        stacked = "".join(rf"\taskspecrow{{{_stacked(cells.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
     def cell(self, content: p.Inlines) -> str:

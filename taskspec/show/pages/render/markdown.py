@@ -63,11 +63,11 @@ class MarkdownWriter:
 
     def table(self, section: Section) -> list[list[str]]:
         """Return rows of cells, the heading first."""
-        found = section.table
-        if found is None:
+        cells = section.table
+        if cells is None:
             return []
-        rows = [list(map(self.cell, row)) for row in found.rows]
-        return [list(map(escape, found.header)), *rows]
+        rows = [list(map(self.cell, row)) for row in cells.rows]
+        return [list(map(escape, cells.header)), *rows]
 
     def cell(self, content: p.Inlines) -> str:
         """Return prose without the bars that would end a cell."""
@@ -111,13 +111,13 @@ class MarkdownWriter:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> str:
-        found = self.suite.cited.get(cite.key)
+        number = self.suite.cited.get(cite.key)
         where = ""
         if cite.where:
             where = f", {escape(cite.where)}"
-        if found is None:
+        if number is None:
             return escape(cite.key) + where
-        return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
+        return f"{escape(number.authors)} ({escape(number.plain('year'))}). {escape(number.plain('title'))}{where}"
 
     def block(self, block: p.Block) -> str:
         match block:

@@ -57,20 +57,20 @@ class Suite:
     def folded(self) -> dict[str, tuple[Page, ...]]:
         """Pages of variants by the anchor of the page that they are based on, directly or not."""
         known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
-        found: dict[str, list[Page]] = {}
+        by_task: dict[str, list[Page]] = {}
         for page in self.pages:
             line = [
                 (document.origin.name, key)
                 for document, key in lineage((page.task.source.document, page.task.source.variant))
             ]
             *_, first = (known[step] for step in line if step in known)
-            found.setdefault(first, [])
-            found[first] += [page] if page.anchor != first else []
-        return {anchor: tuple(pages) for anchor, pages in found.items()}
+            by_task.setdefault(first, [])
+            by_task[first] += [page] if page.anchor != first else []
+        return {anchor: tuple(pages) for anchor, pages in by_task.items()}
 
     def others(self, page: Page) -> list[Other]:
-        found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
-        return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
+        links = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
+        return [Other(title, name, self.scenes[name]) for title, name in links if name in self.scenes]
 
 
 _ALWAYS = (
