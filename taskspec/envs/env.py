@@ -86,6 +86,9 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             seed: an integer from 0; the episode and those after it are a function of it alone.
             options: `{"state": {name: value}}` overrides components of the first state.
 
+        Returns:
+            observation and info.
+
         Raises:
             StateError: when an overridden component has no such value.
             SpecError: E713, when the seed is none, or for another option.
@@ -107,7 +110,13 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         return self._observe(self._values()), info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Take a step: observation, reward, terminated, truncated, info.
+        """Take a step.
+
+        Args:
+            action: an element of the action space.
+
+        Returns:
+            observation; reward, float; whether the episode terminated; whether it was truncated; info.
 
         Raises:
             ActionError: the action is not in the action space.
@@ -116,8 +125,14 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         return self._lane.step(action)  # replaced on each instance by the generated function itself
 
     def render(self) -> Any:
-        """Return the present state: as text ("ansi"), as pixels ("rgb_array", "rgb_array_list"), or in the window
-        ("human": None).
+        """Draw the present state as the render mode says.
+
+        Returns:
+            text for "ansi"; pixels, uint8 (height, width, 3), for "rgb_array"; the frames since the last call for
+            "rgb_array_list"; None for "human", which shows a window.
+
+        Raises:
+            NotRunningError: before the first reset.
         """
         match self.render_mode:
             case "ansi":
@@ -156,7 +171,10 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         self._window.show(self._drawn())
 
     def action_masks(self) -> Array:
-        """Return the legal actions of the present state, bool (n,), as MaskablePPO asks for them; all, without `legal`.
+        """Mark the legal actions of the present state, as MaskablePPO asks for them.
+
+        Returns:
+            bool (n,); all True in a task without `legal`.
 
         Raises:
             SpecError: E713, where the actions are infinite.

@@ -109,17 +109,34 @@ class Transitions:
         return tuple(parts)
 
     def returns(self, discount: float = 1.0) -> Array:
-        """float64 (E,): the return of each episode, discounted from its first step."""
+        """Sum the rewards of each episode.
+
+        Args:
+            discount: of rewards, from the first step of the episode.
+
+        Returns:
+            float64 (E,).
+        """
         first = np.repeat(self.time[self.starts], self.lengths)
         weights = discount ** (self.time - first).astype(np.float64)
         return np.add.reduceat(weights * self.rews, self.starts)
 
     def rows(self, indices: Array) -> Transitions:
-        """Return some of the transitions (indices, or a mask)."""
+        """Select transitions.
+
+        Args:
+            indices: int64 (n,), or a mask, bool (N,).
+
+        Returns:
+            the transitions in that order.
+        """
         return Transitions(**{name: part_at(value, indices) for name, value in columns(self).items()})
 
     def imitation(self) -> list[Any]:
-        """Return the trajectories as imitation's `TrajectoryWithRew`.
+        """Convert to imitation.
+
+        Returns:
+            a `TrajectoryWithRew` for each episode.
 
         Raises:
             SpecError: E705 where imitation is not installed.

@@ -74,14 +74,16 @@ class Teacher:
     def labels(
         self, first: Array, second: Array, near: tuple[Array, Array], ends: tuple[float, float], words: Array
     ) -> Array:
-        """Return labels float64 (P,): 1 where the first segment is preferred, 0 the second, 0.5 where they are equal, nan
-        for no answer.
+        """Compare pairs of segments.
 
         Args:
             first, second: the segments' true returns, (P,).
             near: their returns as a myopic teacher sees them.
             ends: the lowest and the highest return that a segment may have, from the exact model.
             words: uint32 (2, P), fresh for each pair.
+
+        Returns:
+            float64 (P,): 1 where the first segment is preferred, 0 the second, 0.5 where they are equal, nan for no answer.
         """
         low = ends[0]
         unit = ends[1] - ends[0]
@@ -99,7 +101,15 @@ class Teacher:
         return answers
 
     def seen(self, segments: Transitions, discount: float) -> Array:
-        """Return the returns (E,) of segments as a myopic teacher sees them."""
+        """Sum rewards as a myopic teacher sees them.
+
+        Args:
+            segments: transitions of E segments.
+            discount: of the task.
+
+        Returns:
+            float64 (E,).
+        """
         if self.myopic == 1:
             return segments.returns(discount)
         before = segments.time - np.repeat(segments.time[segments.starts], segments.lengths)

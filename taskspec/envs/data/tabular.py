@@ -121,7 +121,13 @@ class Tabular:
         return np.hstack(parts).astype(np.float32)
 
     def index(self, observations: Any) -> Array:
-        """int64 (N,): the states that show these observations (N, *shape); of an episode that goes on.
+        """Look up states by observations of an episode that goes on.
+
+        Args:
+            observations: (N, *shape), as the environment gives them.
+
+        Returns:
+            indices of states, int64 (N,).
 
         Raises:
             SpecError: E713, where two states look alike (`LookAlike`), or an observation is none of the task's.
@@ -139,9 +145,15 @@ class Tabular:
         return np.array(indices, np.int64)
 
     def occupancy(self, policy: str = "expert") -> Array:
-        """float64 (S,): how often a named policy is expected to be in each state, the last one of an episode included.
+        """Count how often a policy is expected to be in each state, the last one of an episode included.
 
         Discounted as the task says; without a discount it sums to horizon + 1, as imitation's MCE IRL has it.
+
+        Args:
+            policy: its name.
+
+        Returns:
+            expected visits, float64 (S,).
 
         Raises:
             SpecError: E712 for tasks without a horizon, E713 for a policy that the task does not have.
@@ -160,7 +172,10 @@ class Tabular:
         return total
 
     def seals(self) -> Any:
-        """Return the same as a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.
+        """Convert to seals.
+
+        Returns:
+            a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.
 
         Raises:
             SpecError: E705 where seals is not installed.
@@ -171,8 +186,10 @@ class Tabular:
         )
 
     def imitation(self) -> Any:
-        """Return what `imitation.algorithms.mce_irl.MCEIRL` takes: a `seals.base_envs.TabularModelPOMDP` that shows
-        `features`.
+        """Convert to the environment that `imitation.algorithms.mce_irl.MCEIRL` takes.
+
+        Returns:
+            a `seals.base_envs.TabularModelPOMDP` that shows `features`.
 
         Raises:
             SpecError: E705 where seals, which comes with imitation, is not installed.

@@ -141,6 +141,14 @@ class Model:
         return len(self.steps) > 1
 
     def step(self, t: int) -> Step:
+        """Look up the transitions at a time.
+
+        Args:
+            t: the time; of no matter where `is_timed` is False.
+
+        Returns:
+            P and P_end, sparse (A * S, S), and the expected reward R, float64 (A * S,).
+        """
         return self.steps[t if self.is_timed else 0]
 
     @property
@@ -150,7 +158,15 @@ class Model:
         return sum(matrix.nnz for step in distinct for matrix in step.matrices)
 
     def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
-        """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
+        """Replace the reward of a model whose time does not matter.
+
+        Args:
+            R: expected rewards, float64 (A * S,).
+            lowest, highest: bounds of the rewards of all outcomes.
+
+        Returns:
+            the model with that reward.
+        """
         return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
 
     @cached_property
@@ -161,7 +177,15 @@ class Model:
         return choices(self.task, {name: value for (_, name), value in self.states.decode(self.codes).items()})
 
     def among_legal(self, values: Array, other: Any) -> Array:
-        """Return numbers (A, S, ...) of actions in states, with another one in place of those of illegal actions."""
+        """Replace the numbers of illegal actions.
+
+        Args:
+            values: a number for each action and state, (A, S, ...).
+            other: the number of illegal ones.
+
+        Returns:
+            numbers of the same shape.
+        """
         if self.legal is None:
             return values
         legal = self.legal.reshape(*self.legal.shape, *(1,) * (values.ndim - 2))
@@ -176,20 +200,61 @@ class Model:
         return np.asarray(self.legal / self.legal.sum(axis=0))
 
     def state(self, index: int) -> dict[str, Any]:
-        """Return the state with an index, by component."""
+        """Look up a state.
+
+        Args:
+            index: from 0 to S - 1.
+
+        Returns:
+            values by component, labels for choices.
+        """
         return self.states.values_of(int(self.codes[index]))
 
     def action(self, index: int) -> dict[str, Any]:
+        """Look up an action.
+
+        Args:
+            index: from 0 to A - 1.
+
+        Returns:
+            values by component, labels for choices.
+        """
         return self.actions.values_of(index)
 
     def state_name(self, index: int) -> str:
+        """Describe a state.
+
+        Args:
+            index: from 0 to S - 1.
+
+        Returns:
+            text such as `s = 2`.
+        """
         return self.states.describe(int(self.codes[index]))
 
     def action_name(self, index: int) -> str:
+        """Describe an action.
+
+        Args:
+            index: from 0 to A - 1.
+
+        Returns:
+            text such as `a = left`.
+        """
         return self.actions.describe(index)
 
     def state_index(self, values: Mapping[str, Any]) -> int:
-        """Return the index of a state given by component (labels for choices). KeyError if it is not in the model."""
+        """Look up the index of a state.
+
+        Args:
+            values: a value for each component, labels for choices.
+
+        Returns:
+            the index, from 0 to S - 1.
+
+        Raises:
+            KeyError: the state is not in the model.
+        """
         arrays = []
         for c in self.states.components:
             value = np.asarray(values[c.name])
@@ -204,7 +269,14 @@ class Model:
         return index
 
     def state_indices(self, values: Mapping[str, Array], lanes: int) -> Array:
-        """Return the indices (N,) of states by component, (*shape, N); labels as their numbers.
+        """Look up the indices of states.
+
+        Args:
+            values: an array for each component, (*shape, N), with numbers for labels.
+            lanes: N.
+
+        Returns:
+            the indices, int64 (N,).
 
         Raises:
             SpecError: E712 for a state that is not in the model, as no episode comes to it.
@@ -222,7 +294,11 @@ class Model:
         return np.asarray(indices)
 
     def levels(self) -> Iterator[tuple[int, Array]]:
-        """For each time at which an action may be taken, which states (S,) it may be taken in."""
+        """Follow the states in which some episode acts, step by step.
+
+        Yields:
+            each time at which an action may be taken, with the states, bool (S,); without a horizon, until no state is new.
+        """
         level = self.start > 0
         seen = np.zeros(self.n_states, np.bool_)
         t = 0
@@ -235,7 +311,15 @@ class Model:
             t += 1
 
     def successors(self, matrix: Sparse, states: Array) -> Array:
-        """Return the states (S,) that some action leads to from the given ones."""
+        """Mark the states that some action leads to.
+
+        Args:
+            matrix: probabilities, sparse (A * S, S).
+            states: where actions are taken, bool (S,).
+
+        Returns:
+            bool (S,).
+        """
         if 8 * np.count_nonzero(states) > len(states):
             rows = np.tile(states, self.n_actions).astype(np.float64)
             return np.asarray(matrix.T @ rows) > 0

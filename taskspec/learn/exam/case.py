@@ -260,7 +260,14 @@ class Case:
         return tuple(Case(self._judge, (seed,), self.terms, self._negated) for seed in self.seeds)
 
     def training_of(self, i: int) -> list[list[float]]:
-        """Return the curve of training episodes of one seed of the block; empty where seeds share their environments."""
+        """Look up the curve of training episodes of a seed.
+
+        Args:
+            i: number of the seed in the block.
+
+        Returns:
+            points of the curve; none where seeds share their environments.
+        """
         if "each" in vars(self):
             return self.each[i].training.points
         if len(self.seeds) > 1:
@@ -268,12 +275,26 @@ class Case:
         return self.training.points
 
     def shown_to(self, i: int) -> Demonstrations | None:
-        """Return the demonstrations that one seed of the block has used; None if it used none."""
+        """Look up the demonstrations that a seed has used.
+
+        Args:
+            i: number of the seed in the block.
+
+        Returns:
+            demonstrations; None if it used none.
+        """
         known: Any = vars(self.each[i]) if "each" in vars(self) else {}
         return known.get("demonstrations", vars(self).get("demonstrations"))
 
     def spent_by(self, i: int) -> Spent:
-        """Return what one seed of the block has used: what all of them did together, and what it did alone."""
+        """Add up the budget that a seed has used: together with the others of the block, and alone.
+
+        Args:
+            i: number of the seed in the block.
+
+        Returns:
+            steps, comparisons and demonstrations.
+        """
         if "each" in vars(self):
             alone = self.each[i].spent
         else:
@@ -281,17 +302,33 @@ class Case:
         return Spent(**{name: value + vars(alone)[name] for name, value in vars(self.spent).items()})
 
     def env(self) -> Metered:
-        """Return an environment. Its steps are counted; where the reward is not granted, it pays 0."""
+        """Make an environment.
+
+        Returns:
+            an environment whose steps are counted; where the reward is not granted, it pays 0.
+        """
         return Metered(self._judge, _Meter(self), self._next_seed())
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
-        """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
+        """Make environments that are stepped together.
+
+        Args:
+            lanes: number of environments.
+            options: those of `taskspec.make_vec`.
+
+        Returns:
+            a vector environment; a step of all counts once for each.
+        """
         from taskspec.envs.metered_vector import MeteredVector
 
         return MeteredVector(self._judge, lanes, _Meter(self), self._next_seed(), **options)
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
-        """Count steps, and comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
+        """Count steps and comparisons of each seed that were made elsewhere than in `env`, `make_vec` and `prefer`.
+
+        Args:
+            steps: of the environment.
+            comparisons: of trajectories.
 
         Raises:
             BudgetSpent: when the steps are more than there are left.
@@ -332,12 +369,14 @@ class Case:
         return replace(shown, rews=np.zeros_like(shown.rews), task=task, metadata=metadata)
 
     def prefer(self, first: Any, second: Any, temperature: float = 0.0) -> float:
-        """Return which of two trajectories, or segments, is better by true return: 1.0 the first, 0.0 the second, 0.5
-        neither.
+        """Compare two trajectories, or segments, by true return.
 
         Args:
             first, second: with `obs` (one more than steps) and `acts`, as `case.env()` or the demonstrations showed them.
             temperature: of a teacher who errs (Bradley-Terry), as a share of the exact range of returns.
+
+        Returns:
+            1.0 where the first is better, 0.0 the second, 0.5 neither.
 
         Raises:
             NotGranted: when the learner is not entitled to preferences.
@@ -370,7 +409,14 @@ class Case:
             )
 
     def show(self, *policies: Any) -> None:
-        """Show what has been learned so far, a policy for each seed: a point of the learning curve. Costs no steps."""
+        """Show the policies learned so far: a point of the learning curve, which costs no steps.
+
+        Args:
+            policies: one for each seed.
+
+        Raises:
+            ValueError: for another number of policies.
+        """
         if len(policies) != len(self.seeds):
             raise ValueError(f"{len(policies)} policies for {len(self.seeds)} seeds")
         self.curve.append((self.spent.steps, list(policies)))
