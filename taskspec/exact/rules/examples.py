@@ -186,11 +186,11 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
                     )
                 except SpecError as error:
                     known[key] = error
-            listed = known[key]
-            if isinstance(listed, SpecError):
-                problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, listed),)
+            built = known[key]
+            if isinstance(built, SpecError):
+                problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, built),)
             else:
-                problems = _Trial(listed, listed.annotations.examples[i]).problems()
+                problems = _Trial(built, built.annotations.examples[i]).problems()
             for problem in problems:
                 if case:
                     note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
