@@ -77,8 +77,15 @@ def _facts(entry: ModifierEntry) -> Iterator[str]:
 
 
 def _argument(argument: ModifierArgument) -> str:
-    default = "" if argument.default is None else f", {str(argument.default).lower()} unless given"
-    return f"{code(argument.name)}: {argument.doc} ({argument.range}{default})"
+    """Return an argument with its meaning, its values where words do not say them, and its default."""
+    facts = []
+    values = argument.range.removeprefix("an int from ").removeprefix("a number from ")
+    if values not in ("a number", "a name", "an expression", "true or false"):
+        facts.append(values)
+    if argument.default is not None:
+        facts.append(f"default {str(argument.default).lower()}")
+    text = f"{code(argument.name)}: {argument.doc}"
+    return f"{text} ({', '.join(facts)})" if facts else text
 
 
 def _keeps(entry: ModifierEntry) -> str:

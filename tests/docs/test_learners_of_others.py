@@ -19,6 +19,7 @@ CASES = [
     ("sb3.py:ppo", "stable_baselines3", "RiskyPath", 3000), ("sb3.py:dqn", "stable_baselines3", "RiskyPath", 3000),
     ("sb3.py:a2c", "stable_baselines3", "RiskyPath", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", "RiskyPath", 3000),
     ("sb3_contrib_maskable_ppo.py:train", "sb3_contrib", "Hanoi", 20_000), ("cleanrl_style.py:train", "torch", "RiskyPath", 3000),
+    ("cleanrl_ppo.py:train", "torch", "ValueLeft", 10_000),
     ("d3rlpy_bc.py:train", "d3rlpy", "RiskyPath", 1), ("skrl_dqn.py:train", "skrl", "RiskyPath", 4000),
     ("tianshou_dqn.py:train", "tianshou", "RiskyPath", 3000), ("torchrl_dqn.py:train", "torchrl", "RiskyPath", 3000),
     ("rllib_ppo.py:train", "ray.rllib", "RiskyPath", 3000), ("rejax_ppo.py:train", "rejax", "RiskyPath", 16_000),
