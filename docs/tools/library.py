@@ -104,7 +104,7 @@ def _compared() -> str:
             argued += names
         else:
             compared.setdefault(f"{found.original}, {found.how}", []).extend(names)
-    rows = [*compared.items(), ("nothing that could be compared", argued)]
+    rows = [*compared.items(), ("nothing that could be compared", [f"the {len(argued)} other tasks"])]
     return entries((evidence, ", ".join(names)) for evidence, names in rows)
 
 

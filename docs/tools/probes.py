@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import entries, filled, table
+from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.policies.policy import greedy
 from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
@@ -63,8 +63,8 @@ def _diagnoses() -> str:
     rows = []
     for rule in read_exam(path).rules:
         assert isinstance(rule.entry, DiagnosisEntry)
-        rows.append((f"*{rule.entry.message}*", rule.entry.cause))
-    return entries(rows)
+        rows.append(f"- {rule.entry.message}")
+    return "\n".join(rows)
 
 
 def exposed(task: Task) -> dict[str, float]:

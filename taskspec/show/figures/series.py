@@ -27,6 +27,8 @@ from taskspec.show.figures.states import STEPS, State, at_state, episode_path, f
 MOST = 6  # numbers that are followed
 FEW_STEPS = 12  # each is marked
 SHORT = 4
+LETTERS = 4
+"""Letters of a number that is short."""
 SEEDS = 8  # of an episode of as few states, the longest one of several is shown
 PANEL = 1.0  # height of the picture of one, in centimetres
 APART = 1.35  # distance of these pictures
@@ -64,8 +66,8 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         return None
     items: list[Item] = []
     for i, number in enumerate(numbers[:MOST]):
-        ends = (min(number.values), max(number.values))
-        if ends[0] == ends[1]:
+        ends = _wide(min(number.values), max(number.values))
+        if min(number.values) == max(number.values):
             ends = _scale(number)
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
     items += _time(0, steps, len(numbers[:MOST]))
@@ -110,8 +112,14 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    room = 0.5 * (low == high)
-    return low - room, high + room
+    """Return the ends of an axis: round numbers in place of long ones, and room around a single value."""
+    if low == high:
+        return low - 0.5, high + 0.5
+    if max(len(f"{end:.6g}") for end in (low, high)) <= LETTERS:
+        return low, high
+    unit = 10.0 ** math.floor(math.log10((high - low) / 2)) / 2
+    digits = max(0, -math.floor(math.log10(unit)))
+    return round(math.floor(low / unit) * unit, digits), round(math.ceil(high / unit) * unit, digits)
 
 
 def _panel(

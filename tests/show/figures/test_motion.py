@@ -93,8 +93,11 @@ def test_the_episode_in_a_portrait_is_the_expert_s() -> None:
 def test_a_series_follows_the_components() -> None:
     found = drawn(task(SPRING, "{kind: series}"))
     lines = [x for x in found.items if isinstance(x, Line) and len(x.points) == 31]
-    assert len(lines) == 2
-    assert {"t", "x", "v", "0", "30"} <= set(words(found))
+    boxes = [x for x in found.items if isinstance(x, Box)]
+    assert len(lines) == len(boxes) == 2
+    for line, box in zip(lines, boxes, strict=True):  # axes have round ends, between which all values lie
+        assert all(box.corner[1] <= y <= box.corner[1] + box.height for _, y in line.points)
+    assert set(words(found)) == {"t", "x", "v", "0", "30", "0.5", "−0.6", "−0.55"}
     assert drawn(task(SPRING, "{kind: series, values: x + v}")).alt.endswith("30 steps")
 
 
