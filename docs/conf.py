@@ -71,6 +71,7 @@ ACCESSIBLE = (
     (r'<aside class="(\w+)-drawer">', r'<aside class="\1-drawer" aria-label="\1">'),
     (r"<pre><span>", '<pre tabindex="0"><span>'),
     (r'<th class="([^"]*)"><p></p></th>', r'<td class="\1"></td>'),
+    (r'<div id="search-results">', '<h1>Search</h1><div id="search-results">'),
     (r'<th style="([^"]*)"></th>', r'<td style="\1"></td>'),
 )
 """Parts of pages, and how they are written so that all can read them."""
