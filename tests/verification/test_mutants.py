@@ -13,7 +13,7 @@ from tests.verification.mutants import __main__ as command
 from tests.verification.mutants import run, table
 from tests.verification.mutants.changes import mutants, mutated
 from tests.verification.mutants.choose import Seen, Timed, chosen
-from tests.verification.mutants.rooms import ROOMS
+from tests.verification.mutants.rooms import ROOMS, asked, is_own
 
 CHANGES = {
     "x < y <= z": {"x <= y <= z", "x < y < z"},
@@ -123,8 +123,8 @@ def test_tests_that_run_the_line_are_asked() -> None:
     of_others = Seen(
         Path("tests/verification/test_oracle.py"), [Timed("other", 1), Timed("endless", 1e9)], {below.file: {3: [0, 1]}}
     )
-    asked = chosen(below, room, [of_others, of_room])
-    assert [test.name for test in asked] == ["fast", "slow", "other"]
+    of_line = chosen(below, room, [of_others, of_room])
+    assert [test.name for test in of_line] == ["fast", "slow", "other"]
 
 
 def test_a_line_of_a_table_is_asked_of_what_runs_the_file() -> None:
@@ -197,6 +197,13 @@ def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> run.Copy:
 )  # fmt: skip
 def test_what_becomes_of_a_change(copy: run.Copy, after: str, test: str, became: str) -> None:
     (number,) = (m.number for m in mutants(FILE, SOURCE) if after in m.after)
-    asked = Timed(f"test_thing.py::{test}", 0.0)
-    assert copy.ask(FILE, number, [asked]) == (became, asked.name if became == "killed" else "")
+    timed = Timed(f"test_thing.py::{test}", 0.0)
+    assert copy.ask(FILE, number, [timed]) == (became, timed.name if became == "killed" else "")
     assert (copy.folder / FILE).read_text() == SOURCE
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_every_room_has_tests_of_its_own(name: str) -> None:
+    room = ROOMS[name]
+    own = {path.parent.name for path in asked(room) if is_own(room, path)}
+    assert own == set(room.tests)

@@ -17,12 +17,12 @@ class Room:
 
 
 ROOMS = {
-    "lang": Room("taskspec/language/expressions", ("lang", "source", "base")),
-    "draws": Room("taskspec/language/draws", ("draws", "lang")),
+    "expressions": Room("taskspec/language/expressions", ("expressions", "source", "base")),
+    "draws": Room("taskspec/language/draws", ("draws", "expressions")),
     "model": Room("taskspec/exact/model", ("model", "solve", "scores")),
     "solve": Room("taskspec/exact/solve", ("solve", "scores", "rules", "verification")),
     "soundness": Room("taskspec/exact/soundness", ("check", "rules")),
-    "abstraction": Room("taskspec/exact/abstraction", ("check",)),
+    "abstraction": Room("taskspec/exact/abstraction", ("abstraction", "check")),
     "scores": Room("taskspec/exact/scores", ("scores", "policies")),
     "policies": Room("taskspec/exact/policies", ("policies", "scores", "data")),
     "rules": Room("taskspec/exact/rules", ("rules", "exam")),
@@ -39,7 +39,7 @@ NOT_CHANGED = ("taskspec/language/expressions/operators/entry.py",)
 
 def asked(room: Room) -> list[Path]:
     """Return the files of tests that are asked about a room."""
-    return [path for path in sorted(ROOT.glob("tests/*/test_*.py")) if is_own(room, path) or path.stem in OF_ALL]
+    return [path for path in sorted(ROOT.glob("tests/**/test_*.py")) if is_own(room, path) or path.stem in OF_ALL]
 
 
 def is_own(room: Room, path: Path) -> bool:
