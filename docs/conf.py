@@ -27,7 +27,7 @@ version = release = __version__
 DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent)]
 
-from docs.tools import galleries  # noqa: E402
+from docs.tools import galleries, mistakes  # noqa: E402
 from docs.tools.beside import beside  # noqa: E402
 from docs.tools.commands import commands  # noqa: E402
 from docs.tools.functions import functions  # noqa: E402
@@ -88,12 +88,18 @@ GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
 
 def setup(app: Any) -> dict[str, Any]:
-    app.connect("builder-inited", lambda app: galleries.write_pages())
+    app.connect("builder-inited", lambda app: write_pages())
     app.connect("source-read", read)
     app.connect("html-page-context", lead)
     app.connect("build-finished", finish)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def write_pages() -> None:
+    """Write the pages that are files, of tasks and of mistakes."""
+    galleries.write_pages()
+    mistakes.write_pages()
 
 
 def read(app: Any, page: str, source: list[str]) -> None:
@@ -113,6 +119,9 @@ def read(app: Any, page: str, source: list[str]) -> None:
     for name, file in SHOWN.items():
         source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({top}{name}.md", source[0])
     listed = galleries.below(page)
+    if page == mistakes.INDEX:
+        source[0] = mistakes.linked(source[0])
+        listed = mistakes.below()
     if listed is not None:
         source[0] += tree("", listed)
     elif page == "index":

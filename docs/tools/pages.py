@@ -13,11 +13,11 @@ from docs.tools import commands, functions
 from docs.tools.language import language
 from docs.tools.library import library
 from docs.tools.markdown import code, entries, filled
+from docs.tools.mistakes import index as mistakes
 from docs.tools.probes import probes
 from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.language.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.language.modifiers.entry import never
-from taskspec.learn.exam.mistakes import MISTAKES, KnownMistake
 from taskspec.learn.exam.operators import OPERATORS
 from taskspec.learn.exam.pairings import PAIRINGS
 from taskspec.learn.exam.starc import REWARDS
@@ -37,26 +37,9 @@ def difficulty() -> str:
 
 
 def learned() -> str:
-    """Return the page of what was learned, with the mistakes that it shows; each is described where it comes first."""
+    """Return the page of what was learned, with the names of the mistakes that it shows."""
     tables: dict[str, Iterable[str]] = {"operators": OPERATORS, "rewards": REWARDS, "pairings": PAIRINGS}
-    described: set[str] = set()
-    parts = {}
-    for kind, names in tables.items():
-        new = [name for name in names if name not in described]
-        known = [name for name in names if name in described]
-        rows = [(name, _mistake(MISTAKES[name])) for name in new]
-        parts[kind] = entries([*rows, ("as above", ", ".join(known))] if known else rows)
-        described.update(new)
-    return filled(DOCS / "explain/learned.md", parts)
-
-
-def _mistake(mistake: KnownMistake) -> str:
-    """Return what a learner does, without the words that join it to "a learner", and the code that does it."""
-    what = mistake.what.removeprefix("that ").removeprefix("for which ")
-    if what.startswith("whose "):
-        what = what.replace("whose", "its", 1)
-    code_of_it = f" ({mistake.code})" if mistake.code else ""
-    return f"{what}{code_of_it}"
+    return filled(DOCS / "explain/learned.md", {kind: ", ".join(names) for kind, names in tables.items()})
 
 
 def modifiers() -> str:
@@ -110,6 +93,7 @@ PAGES = {
     "reference/functions": functions.overview,
     "reference/language": language,
     "reference/library": library,
+    "reference/mistakes": mistakes,
     "reference/modifiers": modifiers,
 }
 """The generated pages, by their name in the folder `docs`."""

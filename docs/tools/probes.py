@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,7 @@ def exposed(task: Task) -> dict[str, float]:
     return found
 
 
+@cache
 def scores(task: Task, gamma: float) -> dict[str, float]:
     """Return the score of the greedy policy of each operator's fixed point; nothing where observations hide the state."""
     try:

@@ -17,7 +17,7 @@ from taskspec.exact.policies.values import are_probabilities, is_table, observed
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read
 from taskspec.learn.exam.judgement import Judgement, Run, judged
-from taskspec.learn.exam.mistakes import MISTAKES
+from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
 from taskspec.learn.exam.results import Flag, Score
@@ -245,14 +245,17 @@ def learned_flags(scores: Sequence[Score]) -> list[Flag]:
 
 
 def learned_notes(scores: Sequence[Score], is_wrong: bool) -> list[str]:
-    """Return lines about what was learned without a known mistake, and about values that were not compared with any.
+    """Return lines about what was learned without a known mistake, where known ones are explained, and what was not compared.
 
     Args:
         is_wrong: whether something else is wrong; then what is right is not said.
     """
     notes = []
     for each in explanations(scores):
-        if not each.is_mistake and not (each.names and is_wrong):
+        if each.is_mistake:
+            commands = " and ".join(f"`taskspec explain {anchor(name)}`" for name in each.names)
+            notes.append(f"with an example and its repair: {commands}")
+        elif not (each.names and is_wrong):
             note = each.message
             if each.advice.strip(" ."):
                 note += f". {each.advice}"

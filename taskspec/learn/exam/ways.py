@@ -84,7 +84,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
         if key not in behaviours:
             behaviours[key] = Behaviour(dynamics, pi)
         behaviour = behaviours[key]
-        V = _reduced(dynamics, operator, Q, behaviour, is_critic)
+        V = reduced(dynamics, operator, Q, behaviour, is_critic)
         points.append(V if is_critic else Q)
         error = operator.targets(dynamics, behaviour, Q, V) - Q
         visited = behaviour.visited
@@ -130,7 +130,8 @@ def _rest(change: Array, before: Array) -> Array | None:
     return found
 
 
-def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
+def reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
+    """Return V (S,) from Q (A, S), as an operator has it."""
     if operator.reduce is not None:
         return operator.reduce(dynamics, behaviour, Q)
     if is_critic:

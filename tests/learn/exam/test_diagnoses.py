@@ -37,7 +37,7 @@ TOLD = {
 
 def told(by_task: dict[str, float], learns_from: str = "reward", **others: Any) -> list[str]:
     """Return the diagnoses of a learner with the same scores on five seeds; tasks that are not named are mastered."""
-    each = {task: by_task.get(task, 1.0) for task in (*PROBES, "LookAlikes", "Aim")}
+    each = {task: by_task.get(task, 1.0) for task in (*PROBES, "LookAlikes", "LongFailures", "Votes", "Aim")}
     records = []
     for task, score in each.items():
         records += [entry(task, seed, score, **others) | {"task": f"probes/{task}-v0"} for seed in range(5)]
@@ -94,7 +94,7 @@ def test_broken_learners_have_no_diagnosis() -> None:
             constant[probe] = _score(probe, np.full(load(f"probes/{probe}").observation_layout.counts[0], action))
         for source in ("reward", "demonstrations"):
             assert told(constant, source) == []
-    assert told(dict.fromkeys((*PROBES, "LookAlikes", "Aim"), 0.0)) == []
+    assert told(dict.fromkeys((*PROBES, "LookAlikes", "LongFailures", "Votes", "Aim"), 0.0)) == []
 
 
 def test_clones_are_told_nothing_about_targets() -> None:
