@@ -76,12 +76,11 @@ def _of_gradient(name: str) -> Evidence:
     task = _task(probe)
     exact = _observed(probe, oracle.policy_gradient(task, np.array(POLICIES[probe], dtype=object), exact=True))
     columns = (exact, expected(probe, RIGHT), expected(probe, wrong))
-    rows = [
-        (str(action), *map(str, each))
-        for action, *each in zip(ACTIONS[probe], *columns, strict=True)
-    ]
+    rows = [(str(action), *map(str, each)) for action, *each in zip(ACTIONS[probe], *columns, strict=True)]
     header = ("action", "exact gradient", "RLOO", name)
-    about = "The gradient of the return at equal probabilities, and the expectation of estimators over pairs of episodes:"
+    about = (
+        "The gradient of the return at equal probabilities, and the expectation of estimators over pairs of episodes:"
+    )
     after = (
         "The signs are turned. `paper/grpo` divides by lengths and by deviations, and learns the worse action on both probes; "
         "`grpo` divides by neither, and learns the better one."
@@ -109,7 +108,10 @@ def _reference_moves() -> Evidence:
     for p in (0.5, 0.75, 0.9):
         left, right = np.log(p), np.log(1 - p)
         half = np.log(0.5)
-        losses = (oracle.dpo_loss(left, right, half, half, beta=BETA), oracle.dpo_loss(left, right, left, right, beta=BETA))
+        losses = (
+            oracle.dpo_loss(left, right, half, half, beta=BETA),
+            oracle.dpo_loss(left, right, left, right, beta=BETA),
+        )
         rows.append((number(p), *map(number, losses)))
     about = f"The loss of a pair whose left door is preferred (beta {BETA:g}), by the probability of the left door:"
     return Evidence(_task("Votes"), about, ("probability", "right", "reference moves"), rows)
@@ -124,7 +126,7 @@ def _steps_averaged() -> Evidence:
     for what, reduce in (("right", np.sum), ("steps averaged", np.mean)):
         chosen, rejected = reduce(short), reduce(long)
         loss = oracle.dpo_loss(chosen, rejected, reduce(np.full(1, half)), reduce(np.full(10, half)), beta=BETA)
-        rows.append((what, number(chosen), number(rejected), number(loss)))
+        rows.append((what, *(number(float(each)) for each in (chosen, rejected, loss))))
     about = (
         f"A pair of an episode of one step, which is preferred, and of a failure of ten (beta {BETA:g}). The reference takes "
         "all actions with probability 1/2; the policy the safe one with 3/4, and those of the last nine steps with 0.6:"

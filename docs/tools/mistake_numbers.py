@@ -244,9 +244,13 @@ def by_policy(name: str) -> Evidence:
         for o in np.unique(shown.obs):
             for a in range(shown.shape[1]):
                 rows.append((str(o + seen), str(a), number(right[o, a]), number(wrong[o, a])))
-        about = f"The probabilities of actions in {EPISODES} demonstrated episodes of the expert (seed 0), by observation:"
+        about = (
+            f"The probabilities of actions in {EPISODES} demonstrated episodes of the expert (seed 0), by observation:"
+        )
         header = ("observation", "action", "right", name)
-        after = f"Their total variation is {number(shown.distance(wrong, right))}, in the mean over what was demonstrated."
+        after = (
+            f"Their total variation is {number(shown.distance(wrong, right))}, in the mean over what was demonstrated."
+        )
         return Evidence(task, about, header, rows[:MOST_ROWS], after)
     raise LookupError(f"no task shows '{name}'")
 

@@ -7,7 +7,7 @@ policies on exact models (`docs.tools.mistake_numbers`), expectations of estimat
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from docs.tools.group_estimators import GROUPS
@@ -103,7 +103,7 @@ def evidence(name: str) -> Evidence:
 
 def seen_by(name: str) -> Iterator[str]:
     """Yield the parts of the exam, and the calls of the oracle, that see a mistake."""
-    tables = {"values": OPERATORS, "reward": REWARDS, "policy": PAIRINGS}
+    tables: dict[str, Iterable[str]] = {"values": OPERATORS, "reward": REWARDS, "policy": PAIRINGS}
     kinds = [kind for kind, names in tables.items() if name in names]
     if kinds:
         yield f"an exam, by what was learned: {' and '.join(f'the flag `{kind}`' for kind in kinds)}"

@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from taskspec.base.codes import classes, codes
 from taskspec.language.registry import shipped, task_ids
 from taskspec.language.suites import SUITES
+from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from tests.language.task.test_extends import run as run
 from tests.shared.apart import taskspec
 from tests.shared.commands import Done, spec
@@ -282,9 +283,18 @@ def test_explain_knows_every_code(code: str) -> None:
     assert code[:2] in classes()
 
 
+def test_explain_knows_mistakes_of_learners() -> None:
+    for name in ("limit_is_an_end", "limit is an end"):
+        done = Done("explain", name)
+        assert "a learner for which the time limit ends the world" in done.out
+        assert "openai/baselines#436" in done.out
+    assert Done("explain", "at_random", "--json").data[0]["mistake"] == "at random"
+
+
 def test_explain_lists_all() -> None:
     listed = Done("explain").out
     assert all(code in listed for code in codes())
+    assert all(anchor(name) in listed for name in MISTAKES if name != "right")
     assert [entry["code"] for entry in Done("explain", "--json").data] == list(codes())
 
 

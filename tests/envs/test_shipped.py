@@ -118,6 +118,7 @@ NOT_ACCEPTED = {
     "derail/NoisyObsSeals-v0": UNBOUNDED,
     "derail/ProcGoalSeals-v0": UNBOUNDED,
     "probes/LookAlikes-v0": ONE_STEP,
+    "probes/Votes-v0": ONE_STEP,
     "safety/OffSwitch-v0": ONE_STEP,
     "textbook/ContextualBandit-v0": ONE_STEP,
     "textbook/DriftingBandit-v0": UNBOUNDED,

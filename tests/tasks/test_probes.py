@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
+from docs.tools.group_estimators import RIGHT, WRONG, expected
 from docs.tools.probes import exposed, scores
 from taskspec import load
 from taskspec.exact import difficulty
@@ -38,6 +40,23 @@ def test_a_second_thought_is_needed_and_chance_matters() -> None:
     assert difficulty("SecondThought", ["lookahead"])["lookahead"] == 2
     assert difficulty("CoinToss", ["value_norm"])["value_norm"] == pytest.approx(1)  # 2 or 0, equally likely
     assert difficulty("RiskyPath", ["value_norm"])["value_norm"] == pytest.approx(202)  # 4 or -400: +-202
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        # 1/4 [(2 - 8/5) - (2/5 (3 - 8/5) + 3/5 (0 - 8/5) / T)], where T is 1, or the 10 steps of a failure
+        ("length normalised", "1/5", "-2/125"),
+        # 1/4 of what the left door earns, 17/5; or of its votes, 2/5 less 3/5
+        ("deviation divided", "17/20", "-1/20"),
+    ],
+)
+def test_the_expectation_of_an_estimator_with_a_mistake_has_the_wrong_sign(
+    name: str, right: Fraction, wrong: Fraction
+) -> None:
+    probe, estimate = WRONG[name]
+    assert list(expected(probe, RIGHT)) == [Fraction(right), -Fraction(right)]
+    assert list(expected(probe, estimate)) == [Fraction(wrong), -Fraction(wrong)]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,19 @@ from taskspec.learn.exam.pairings import PAIRINGS, shown_of
 from tests.shared.exams import entry
 from tests.shared.sparse import sparse
 
-PROBES = ("EndInPlace", "Hazard", "ValueLeft", "SecondThought", "Slip", "CoinToss", "Sizes", "Patience", "Echo")
+PROBES = (
+    "EndInPlace",
+    "Hazard",
+    "ValueLeft",
+    "SecondThought",
+    "Slip",
+    "CoinToss",
+    "Sizes",
+    "Patience",
+    "Echo",
+    "LongFailures",
+)
+HIDDEN = ("LookAlikes", "Votes")
 GAMMAS = (0.9, 0.95, 0.99)
 TOLD = {
     "ends ignored": "past_ends", "next episode": "past_ends", "reset at the end": "past_ends", "rewards centred": "past_ends",
@@ -37,7 +49,7 @@ TOLD = {
 
 def told(by_task: dict[str, float], learns_from: str = "reward", **others: Any) -> list[str]:
     """Return the diagnoses of a learner with the same scores on five seeds; tasks that are not named are mastered."""
-    each = {task: by_task.get(task, 1.0) for task in (*PROBES, "LookAlikes", "LongFailures", "Votes", "Aim")}
+    each = {task: by_task.get(task, 1.0) for task in (*PROBES, *HIDDEN, "Aim")}
     records = []
     for task, score in each.items():
         records += [entry(task, seed, score, **others) | {"task": f"probes/{task}-v0"} for seed in range(5)]
@@ -76,7 +88,16 @@ def test_the_mistakes_of_the_rules_are_those_of_the_table() -> None:
         assert set(rule.entry.mistakes) <= set(MISTAKES)
         of_rules |= dict.fromkeys(rule.entry.mistakes, rule.name)
     del of_rules["grows"]  # what an operator does that has no fixed point
+    of_groups = {name: of_rules.pop(name) for name in ("length normalised", "deviation divided")}
+    assert of_groups == {"length normalised": "lengths", "deviation divided": "deviations"}
     assert of_rules == {name: rule for name, rule in TOLD.items() if rule != "reversed"}
+
+
+@pytest.mark.parametrize(("probe", "rule"), [("LongFailures", "lengths"), ("Votes", "deviations")])
+def test_estimators_of_groups_are_told_by_their_probe_alone(probe: str, rule: str) -> None:
+    assert told({probe: -1.0}) == [rule]
+    assert told({probe: -1.0, "Slip": 0.5}) == [rule]
+    assert told({probe: -1.0, "CoinToss": -1.0}) == []
 
 
 def _score(probe: str, pi: Any) -> float:
@@ -94,7 +115,7 @@ def test_broken_learners_have_no_diagnosis() -> None:
             constant[probe] = _score(probe, np.full(load(f"probes/{probe}").observation_layout.counts[0], action))
         for source in ("reward", "demonstrations"):
             assert told(constant, source) == []
-    assert told(dict.fromkeys((*PROBES, "LookAlikes", "LongFailures", "Votes", "Aim"), 0.0)) == []
+    assert told(dict.fromkeys((*PROBES, *HIDDEN, "Aim"), 0.0)) == []
 
 
 def test_clones_are_told_nothing_about_targets() -> None:
