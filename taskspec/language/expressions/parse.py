@@ -264,20 +264,12 @@ def _bound_tree(value: str, root: ast.AST) -> None:
     raise SyntaxFailure(0, len(value), f"operators are nested more than {Limits.operators} deep", code="E314")
 
 
-_FORMATTED = re.compile(r"(?<!\w)f'(?=\{)")
-"""A formatted string, whose first quote would be read as a prime."""
-
-
 def _prepare(value: str, most: int) -> str:
     if len(value) > most:
         message = f"this expression has {len(value):,} characters; the limit is {most:,}"
         raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")
     if not value.strip():
         raise SyntaxFailure(0, max(1, len(value)), "an expression is missing here")
-    formatted = _FORMATTED.search(value)
-    if formatted is not None:
-        message, hint = _REFUSED["JoinedStr"]
-        raise SyntaxFailure(formatted.start(), formatted.end(), message, hint, "E316")
     out: list[str] = []
     brackets: list[int] = []
     position = 0
