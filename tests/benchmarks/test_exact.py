@@ -7,7 +7,7 @@ import pytest
 
 from taskspec import exact
 from taskspec.exact.model import extract as extraction
-from taskspec.exact.solve import solve
+from taskspec.exact.solve import infinite_horizon, solve
 from taskspec.exact.solve.bounded import Bounded
 from taskspec.language import source
 from taskspec.language.task.build import build
@@ -41,6 +41,20 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
         assert (needed.error[first] <= found.error[first] * (1 + 1e-12)).all()
 
 
+@pytest.mark.parametrize("why", ["discount", "chance"])
+def test_compiled_values_without_a_horizon_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, why: str) -> None:
+    pytest.importorskip("numba")
+    task = benchmark.lasting(62, why).task
+    found = []
+    for least in (0, 10**9):
+        monkeypatch.setattr(infinite_horizon, "COMPILED", least)
+        value = solve.Solvers(exact.extract(task)).in_floats.best()
+        assert 0 < value.low <= value.high <= value.low + 1e-9
+        found.append(value)
+    compiled, plain = found
+    assert compiled.low <= plain.high and plain.low <= compiled.high
+
+
 def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_built() -> None:
     """Episodes of 20 steps enter few of 12,100 cells; those of a smaller grid are all taken."""
     large = benchmark.from_middle(110, 20)
@@ -48,9 +62,10 @@ def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_bu
     plans = [
         (large, (benchmark.ours, benchmark.storm, benchmark.declared)),
         (small, (benchmark.ours, benchmark.storm, benchmark.loops)),
+        (benchmark.lasting(30, "chance"), (benchmark.ours, benchmark.storm)),
     ]
     found = benchmark.run(plans, repeat=1, apart=False)
-    value = found[-1].value
+    value = next(t.value for t in found if t.name == "plain Python")
     assert 0 < value < 1
     assert all(t.value == pytest.approx(value, abs=1e-9) for t in found if t.grid == small)
     near = sum(abs(x) + abs(y) <= 20 for x in range(-20, 21) for y in range(-20, 21))
@@ -60,6 +75,7 @@ def test_the_benchmark_agrees_with_plain_loops_and_counts_the_states_that_are_bu
         (110, "taskspec, all states", 110 * 110),
         (45, "taskspec", 45 * 45),
         (45, "plain Python", 45 * 45),
+        (30, "taskspec", 30 * 30),
     ]
     text = benchmark.table(found)
     assert f"{near:,}" in text and f"{45 * 45:,}" in text and "plain Python" in text

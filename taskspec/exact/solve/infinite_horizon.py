@@ -19,6 +19,8 @@ import numpy as np
 from scipy import sparse
 
 from taskspec.base.arrays import Array
+from taskspec.base.extras import is_installed
+from taskspec.base.limits import limits
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.model.probabilities import UNIT
 from taskspec.exact.solve.bounded import QUIET, Bound, Bounded, Policy
@@ -31,6 +33,10 @@ DIRECT = 3000
 """The number of states up to which equations are solved directly."""
 WORK = 300_000_000
 """The number of non-zeros that repeated substitution may go through."""
+COMPILED = 150_000
+"""Non-zeros above which sweeps are compiled, since `WORK` is too little."""
+RATE = 1_000_000_000
+"""Non-zeros that compiled substitution goes through in each second of the limit."""
 SWEEP = 10_000
 """The number of non-zeros that would take as long as starting to go through them does."""
 ROUNDS = 500
@@ -73,19 +79,29 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
     return found
 
 
-def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Array:
-    """Return a fixed point of an operator by repeated substitution, within the limit `WORK`; `cost` is in non-zeros."""
+def fixed_point(image: Callable[[Array], Array], value: Array, cost: int, enough: float = 0.0) -> Array:
+    """Return a fixed point of an operator by repeated substitution, within the limit `WORK`.
+
+    Args:
+        cost: of a substitution, in non-zeros.
+        enough: the change of values at which to stop.
+    """
     before = np.inf
     for _ in range(WORK // (SWEEP + cost + len(value)) + 1):
         better = image(value)
         gap = float(np.max(np.abs(better - value), initial=0.0))
         value = better
-        if gap <= 1e-16 * float(np.max(np.abs(value), initial=0.0)) or not np.isfinite(gap):
-            break
-        if gap >= before and gap < 1e-12:
+        if gap <= enough or is_fixed(gap, before, value):
             break
         before = gap
     return value
+
+
+def is_fixed(gap: float, before: float, value: Array) -> bool:
+    """Return whether substitution ends: values change by rounding alone, by the last gap and the one before, or are infinite."""
+    if gap <= 1e-16 * float(np.max(np.abs(value), initial=0.0)) or not np.isfinite(gap):
+        return True
+    return gap >= before and gap < 1e-12
 
 
 def followed(P: Any, policy: Array) -> Any:
@@ -247,11 +263,14 @@ class InfiniteHorizon(Bounded):
         return self._contracted(candidate, lambda V: self.top(self.backup(0, V)), weight, later, live)
 
     def _weight(self, live: Array) -> Array:
+        """Return w (S,): without a discount, the expected number of so many steps that another one adds at most 0.1; so much is
+        w - P w below 1.
+        """
         if self.is_discounted:
             return np.ones(self.model.n_states)
-        return self._policy_iteration(np.ones(self.shape), live)
+        return self._policy_iteration(np.ones(self.shape), live, enough=0.1)
 
-    def _policy_iteration(self, reward: Array, live: Array) -> Array:
+    def _policy_iteration(self, reward: Array, live: Array, enough: float = 0.0) -> Array:
         P = self.only.P
         states = np.arange(self.model.n_states)
         discount = self.model.discount
@@ -259,8 +278,10 @@ class InfiniteHorizon(Bounded):
         def q_values(V: Array) -> Array:
             return self.model.among_legal(np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0), -np.inf)
 
+        if P.nnz > COMPILED and self.model.legal is None and is_installed("numba"):
+            return self._compiled_values(reward, live, enough)
         if np.count_nonzero(live) > DIRECT:
-            value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz)
+            value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz, enough)
             if not np.isfinite(value).all():
                 refuse(UNENDING, HINT)
             return value
@@ -274,6 +295,21 @@ class InfiniteHorizon(Bounded):
             if (better == choice).all():
                 break
             choice = better
+        return value
+
+    def _compiled_values(self, reward: Array, live: Array, enough: float) -> Array:
+        """Return values by substitution in compiled sweeps; those of states that are not live are 0."""
+        from taskspec.exact.solve.kernels_numba import largest_fixed_point
+
+        P = self.only.P
+        paid = np.where(live, reward, 0.0).reshape(-1)
+        if not live.all():
+            kept = np.repeat(np.tile(live, len(reward)), np.diff(P.indptr))
+            P = type(P)((np.where(kept, P.data, 0.0), P.indices, P.indptr), shape=P.shape)
+        most = int(RATE * limits().seconds) // P.nnz + 1
+        value = largest_fixed_point(P, paid, self.model.discount, most, enough)
+        if not np.isfinite(value).all():
+            refuse(UNENDING, HINT)
         return value
 
     @QUIET

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numba import config, njit
@@ -22,6 +23,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
 from taskspec.exact.model.model import Step
 from taskspec.exact.solve.bounded import Bound, Bounded
+from taskspec.exact.solve.infinite_horizon import is_fixed
 
 BLOCK = 128
 """States of a block."""
@@ -83,6 +85,47 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
             spare = value
             before = step
     return bound
+
+
+def largest_fixed_point(P: Any, reward: Array, discount: float, most: int, enough: float) -> Array:
+    """Return values (S,) near the fixed point of V = max over actions of (reward + discount * P V), from V = 0.
+
+    Args:
+        P: sparse (A * S, S).
+        reward: float64 (A * S,).
+        most: sweeps, at most.
+        enough: the change of values at which to stop.
+    """
+    states = P.shape[1]
+    count = -(-states // BLOCK)
+    ahead = _successors(P.indptr, P.indices, states, len(reward) // states)
+    rows = (P.indptr, P.indices, P.data)
+    outcomes = _outcomes(P.indptr)
+    value = np.zeros(states)
+    spare = np.zeros(states)
+    changed = np.ones(count, np.bool_)
+    active = changed
+    before = np.inf
+    threads = config.NUMBA_NUM_THREADS
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in range(most):
+            blocks = np.flatnonzero(active | changed).astype(np.uint64)
+            after = np.zeros(count, np.bool_)
+            sweep = partial(_sweep, rows, outcomes, reward, active, value, spare, after, (discount, 1.0))
+            parts = [blocks]
+            if np.count_nonzero(active) * (P.nnz / count) > SHARED:
+                parts = np.array_split(blocks, threads)
+            others = pool.map(sweep, parts[1:])
+            sweep(parts[0])
+            list(others)
+            gap = float(np.max(np.abs(spare - value)))
+            value, spare = spare, value
+            if gap <= enough or is_fixed(gap, before, value):
+                break
+            before = gap
+            changed = after
+            active = _active(*ahead, changed)
+    return value
 
 
 def _outcomes(indptr: Array) -> tuple[int, ...]:
