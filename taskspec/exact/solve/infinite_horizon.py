@@ -307,7 +307,11 @@ class InfiniteHorizon(Bounded):
             kept = np.repeat(np.tile(live, len(reward)), np.diff(P.indptr))
             P = type(P)((np.where(kept, P.data, 0.0), P.indices, P.indptr), shape=P.shape)
         most = int(RATE * limits().seconds) // P.nnz + 1
-        value = largest_fixed_point(P, paid, self.model.discount, most, enough)
+
+        def is_over(gap: float, before: float, value: Array) -> bool:
+            return gap <= enough or is_fixed(gap, before, value)
+
+        value = largest_fixed_point(P, paid, self.model.discount, most, is_over)
         if not np.isfinite(value).all():
             refuse(UNENDING, HINT)
         return value

@@ -12,6 +12,7 @@ would look for negative ones. Threads share the blocks of a sweep.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -23,7 +24,6 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
 from taskspec.exact.model.model import Step
 from taskspec.exact.solve.bounded import Bound, Bounded
-from taskspec.exact.solve.infinite_horizon import is_fixed
 
 BLOCK = 128
 """States of a block."""
@@ -87,14 +87,16 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
     return bound
 
 
-def largest_fixed_point(P: Any, reward: Array, discount: float, most: int, enough: float) -> Array:
+def largest_fixed_point(
+    P: Any, reward: Array, discount: float, most: int, is_over: Callable[[float, float, Array], bool]
+) -> Array:
     """Return values (S,) near the fixed point of V = max over actions of (reward + discount * P V), from V = 0.
 
     Args:
         P: sparse (A * S, S).
         reward: float64 (A * S,).
         most: sweeps, at most.
-        enough: the change of values at which to stop.
+        is_over: whether to stop, by the last change of values, the one before, and the values.
     """
     states = P.shape[1]
     count = -(-states // BLOCK)
@@ -120,7 +122,7 @@ def largest_fixed_point(P: Any, reward: Array, discount: float, most: int, enoug
             list(others)
             gap = float(np.max(np.abs(spare - value)))
             value, spare = spare, value
-            if gap <= enough or is_fixed(gap, before, value):
+            if is_over(gap, before, value):
                 break
             before = gap
             changed = after
