@@ -1,7 +1,7 @@
 """`python -m tests.verification.calibration`: examine learners over tables, right and wrong ones, on fresh seeds.
 
     python -m tests.verification.calibration                          # right learners: nothing may be named or flagged
-    python -m tests.verification.calibration --wrong --budgets 1      # wrong ones, each against its right version
+    python -m tests.verification.calibration --wrong unseen --budgets 1      # wrong ones, each against its right version
     python -m tests.verification.calibration --learner sarsa --first 500000
 
 An exam of a right learner is compared with the one before it. A budget is a multiple of the steps of the probes. What is printed
@@ -14,76 +14,10 @@ import argparse
 import itertools
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from typing import Any
 
-from taskspec.exam import Exam, examine
-from taskspec.learn.exam.findings import diagnose
-from taskspec.learn.exam.flags import flags
-from taskspec.learn.exam.learned import explanations
-from tests.verification.calibration.right import RIGHT
-from tests.verification.calibration.wrong import RUN_AS, Mistake, mistakes
-from tests.verification.exam_study.exams import PROBES
-
-STEPS = 10_000
-TASKS = [f"probes/{probe}" for probe in PROBES]
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Exams to run: of a learner, or of a mistake in it, with a budget, and the first seed of each exam."""
-
-    learner: str
-    budget: float
-    firsts: tuple[int, ...]
-    seeds: int
-    mistake: Mistake | None = None
-
-
-@dataclass(frozen=True)
-class Told:
-    """What an exam says: mistakes that are named, diagnoses, and kinds of flags, each with its task."""
-
-    first: int
-    names: tuple[str, ...]
-    diagnoses: tuple[str, ...]
-    flags: tuple[str, ...]
-
-
-def exam_of(train: Any, budget: float, first: int, seeds: int) -> Exam:
-    """Return the exam of a learner on the finite probes."""
-    steps = int(STEPS * budget)
-    return examine(train, suite="probes", tasks=TASKS, seeds=range(first, first + seeds), steps=steps, twins=0)
-
-
-def told(exam: Exam, against: Exam | None, first: int) -> Told:
-    """Return what an exam says, beside another one."""
-    names = [name for each in explanations(exam["scores"]) if each.is_mistake for name in each.names]
-    found = flags(exam["tasks"], exam["scores"], against)
-    if names:
-        found += [each for each in exam["flags"] if each["kind"] == "values"]
-    diagnoses = [each["name"] for each in diagnose(exam, "probes")]
-    kinds = [f"{flag['kind']} ({flag['task'].removeprefix('probes/').removesuffix('-v0')})" for flag in found]
-    return Told(first, tuple(names), tuple(diagnoses), tuple(dict.fromkeys(kinds)))
-
-
-def run(asked: Asked) -> list[Told]:
-    """Return what each of some exams says: of a right learner beside the exam before, of a wrong one beside the right one."""
-    results = []
-    if asked.mistake is None:
-        before = None
-        for first in asked.firsts:
-            exam = exam_of(RIGHT[asked.learner], asked.budget, first, asked.seeds)
-            results.append(told(exam, before, first))
-            before = exam
-        return results
-    right = RIGHT[RUN_AS.get(asked.learner, asked.learner)]
-    for first in asked.firsts:
-        against = exam_of(right, asked.budget, first + 500, asked.seeds)
-        exam = exam_of(asked.mistake.train(), asked.budget, first, asked.seeds)
-        results.append(told(exam, against, first))
-    return results
-
+from tests.verification.calibration.exams import Asked, Told, run
+from tests.verification.calibration.learners import RIGHT
+from tests.verification.calibration.wrong import Mistake, mistakes
 
 def lines(asked: Asked, results: list[Told]) -> Iterator[str]:
     """Yield a line for each exam."""
@@ -102,7 +36,7 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument("--wrong", action="store_true", help="wrong learners instead of right ones")
+    parser.add_argument("--wrong", metavar="FILE", help="wrong learners instead of right ones: `wrong` or `unseen`")
     parser.add_argument("--learner", action="append", help="default: all of them")
     parser.add_argument("--budgets", default="0.1,1,5", help="multiples of the steps of the probes (default: 0.1,1,5)")
     parser.add_argument("--exams", type=int, default=2, help="of each learner with each budget")
@@ -114,7 +48,7 @@ def main() -> None:
     budgets = [float(budget) for budget in given.budgets.split(",")]
     subjects: list[tuple[str, Mistake | None]] = [(name, None) for name in RIGHT]
     if given.wrong:
-        subjects = [(each.learner, each) for each in mistakes()]
+        subjects = [(each.learner, each) for each in mistakes(given.wrong)]
     asked = []
     for (learner, mistake), budget in itertools.product(subjects, budgets):
         if not given.learner or learner in given.learner:
@@ -138,8 +72,9 @@ def summary(everything: list[tuple[Asked, Told]]) -> str:
     right_names = 0
     wrong_names = 0
     for asked, each in everything:
-        if each.names and asked.mistake is not None:
-            is_right = bool(set(each.names) & set(asked.mistake.causes))
+        said = {*each.names, *each.diagnoses}
+        if said and asked.mistake is not None:
+            is_right = bool(said & set(asked.mistake.causes))
             right_names += is_right
             wrong_names += not is_right
     return f"{len(everything)} exams, {right_names} rightly named, {wrong_names} wrongly, {flagged} flagged"

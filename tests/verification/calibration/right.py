@@ -5,6 +5,8 @@ Each returns what it learned with its discount. Values are those of Sutton and B
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -300,12 +302,6 @@ def actor_critic(case: Case, decay: float, critic_rate: float, gamma: float = 0.
 
 
 @learns_from("reward")
-def a2c_td(case: Case) -> Learned:
-    """Lambda 0, and a fast critic."""
-    return actor_critic(case, 0.0, 0.5)
-
-
-@learns_from("reward")
 def a2c_gae(case: Case) -> Learned:
     """Lambda 0.95."""
     return actor_critic(case, 0.95, 0.2)
@@ -317,17 +313,24 @@ def a2c_slow(case: Case) -> Learned:
     return actor_critic(case, 0.95, 0.02, gamma=0.99)
 
 
-@learns_from("reward")
-def a2c_monte_carlo(case: Case) -> Learned:
-    """Lambda 1."""
-    return actor_critic(case, 1.0, 0.2)
+def critic_of(decay: float, critic_rate: float) -> Callable[[Case], Learned]:
+    """Return an actor-critic whose critic learns so fast."""
+
+    @learns_from("reward")
+    def train(case: Case) -> Learned:
+        return actor_critic(case, decay, critic_rate)
+
+    return train
 
 
-RIGHT = {
+TABLES: dict[str, Callable[[Case], Any]] = {
     each.__name__: each
     for each in (
         q_learning, sarsa, expected_sarsa, double_q, dyna_q, monte_carlo, n_step, q_lambda, reinforce_alone,
-        reinforce_baseline, a2c_td, a2c_gae, a2c_slow, a2c_monte_carlo,
+        reinforce_baseline, a2c_gae, a2c_slow,
     )
 }  # fmt: skip
 """The learners by name."""
+
+for decay, critic_rate in itertools.product((0.0, 0.95, 1.0), (0.05, 0.2, 0.5)):
+    TABLES[f"a2c_{decay:g}_{critic_rate:g}"] = critic_of(decay, critic_rate)
