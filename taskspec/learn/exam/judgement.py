@@ -23,7 +23,7 @@ NEAR = 0.2
 CLEARER = 0.5
 """A mistake fits a task if its distance is at most `NEAR`, and at most `CLEARER` of that to what is right."""
 WORSE = 0.1
-"""It is contradicted by a task where what is right is near, and the mistake is farther by this and more than twice as far."""
+"""It is contradicted by a task where it is farther than what is right, by this and more than twice as far."""
 ELSEWHERE = 0.25
 """On tasks where it does not differ from what is right, this is near."""
 SAME = 0.05
@@ -81,7 +81,7 @@ def judged(runs: Sequence[Run], good: Sequence[str]) -> Judgement:
         named = telling
     if named:
         first = named[0]
-        ties = [name for name in ranked if name == first or (not known.is_vague(name) and known.ties(first, name))]
+        ties = [name for name in ranked if name == first or known.ties(first, name)]
         if len(ties) <= MOST_TIES:
             return Judgement(tuple(ties), known.overall(first), of_best, nearest)
     elif of_best <= RIGHT:
@@ -166,7 +166,7 @@ class _Pooled:
             of_good = self.of_good(task)
             if distance <= NEAR and distance <= CLEARER * of_good and of_good - distance >= SAME:
                 fitted.append(task)
-            elif of_good <= NEAR and distance > 2 * of_good + WORSE:
+            elif distance > 2 * of_good + WORSE:
                 return False
             elif of_good > NEAR:
                 unfinished.append(task)
@@ -202,6 +202,8 @@ class _Pooled:
 
     def ties(self, first: str, other: str) -> bool:
         """Return whether another mistake explains the runs as well as the first one."""
+        if self.is_vague(other) or self.distance(other) > NEAR:
+            return False
         differences = []
         for task, medians in self.medians.items():
             of_first = medians.get(first, self.of_good(task))

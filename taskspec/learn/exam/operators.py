@@ -25,6 +25,8 @@ APART = 0.15
 """Values that differ by more than this share of their spread are told apart."""
 MOVED = 0.1
 """Values that differ by more than this share of what they should have moved."""
+BEYOND = 10
+"""Values that are so many times larger than the most that can be earned have grown; a few rewards too many are not enough."""
 FEWEST = 3
 """Values that a mistake has to explain, at least, to be named."""
 
@@ -140,11 +142,21 @@ def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 
 
 def _grows(s: Dynamics, learned: Array, right: Array) -> Fit | None:
-    size = np.abs(learned[..., s.acted])
-    beyond = int((size > 2 * max(s.most, abs(s.initial))).sum())
-    if beyond == 0:
+    values = learned[..., s.acted]
+    beyond = int((np.abs(values) > BEYOND * max(s.most, abs(s.initial))).sum())
+    if beyond == 0 or _is_multiple(values, right[..., s.acted]):
         return None
     return Fit(0.0, beyond)
+
+
+def _is_multiple(learned: Array, right: Array) -> bool:
+    """Return whether learned values are a multiple of right ones: those of rewards in another unit."""
+    shape = learned / np.abs(learned).max()
+    squared = (right**2).sum()
+    if squared == 0:
+        return False
+    rest = shape - (shape * right).sum() / squared * right
+    return bool((rest**2).sum() <= APART**2 * (shape**2).sum())
 
 
 def _one_pair(s: Dynamics, learned: Array, right: Array) -> Fit | None:
@@ -190,6 +202,7 @@ OPERATORS = {
     "next episode": BellmanOperator(ahead=_next_episode),
     "limit is an end": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.last) * s.following(V)),
     "end at the limit": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + acts.last * s.ending(V)),
+    "flags exchanged": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.last) * (s.following(V) + s.ending(V))),
     "reset at the end": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.first(V) * (1 - s.going_on)),
     "reset at the limit": BellmanOperator(ahead=_reset_at_limit),
     "mask inverted": BellmanOperator(ahead=lambda s, acts, V: s.ending(V)),

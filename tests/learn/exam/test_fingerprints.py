@@ -132,6 +132,15 @@ def test_a_table_and_a_function_of_observations_are_read_alike() -> None:
     assert of_function == fingerprint(TASKS[1], q=table, discount=GAMMA)
 
 
+@pytest.mark.parametrize(
+    ("factor", "noise", "grows"), [(100, 0.0, False), (-1000, 0.0, False), (3, 1.0, False), (1000, 1.0, True)]
+)
+def test_values_of_rewards_in_another_unit_have_not_grown(factor: float, noise: float, grows: bool) -> None:
+    table = learned_q(TASKS[1], "right", 3, steps=5000)
+    table = table + noise * np.abs(table).max() * np.random.default_rng(0).normal(size=table.shape)
+    assert ("grows" in fingerprint(TASKS[1], q=factor * table, discount=GAMMA)) == grows
+
+
 def monte_carlo(task: str, masked: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the values of a random policy by TD(0), and the policy; without a mask, they go on after ends."""
     env = taskspec.make(task)

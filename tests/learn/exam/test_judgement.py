@@ -9,6 +9,7 @@ from taskspec.learn.exam.operators import GOOD
 
 Distances = dict[str, float]
 FITS: Distances = {"right": 0.8, "limit is an end": 0.05}
+HALF: Distances = {"right": 0.4, "limit is an end": 0.15}
 TELLS_NOTHING: Distances = {"right": 0.02}
 
 
@@ -27,11 +28,13 @@ def names(*tasks: Distances, seeds: int = 5, values: int = 4) -> tuple[str, ...]
         (("limit is an end",), [FITS, FITS, {"right": 0.9, "limit is an end": 0.7}, TELLS_NOTHING]),  # one is unfinished
         (("limit is an end",), [FITS, {"right": 0.02, "limit is an end": 0.01}]),  # one that both explain
         ((), [FITS, {"right": 0.02, "limit is an end": 0.6}]),  # one contradicts it
+        ((), [FITS, FITS, {"right": 0.3, "limit is an end": 0.9}]),  # one where neither explains, and it is far worse
         ((), [FITS, {"right": 0.9, "limit is an end": 0.7}]),  # as many are unfinished
         ((), [FITS, {"right": 0.6}]),  # where it makes no difference, values are wrong
         ((), [{"right": 0.3, "limit is an end": 0.18}]),  # it is merely nearer
         (("limit is an end", "mask late"), [{**FITS, "mask late": 0.08}]),  # a tie
         (("limit is an end",), [{**FITS, "mask late": 0.08}, {**FITS, "mask late": 0.9}]),
+        (("limit is an end",), [*[HALF] * 2, *[TELLS_NOTHING] * 4, {"right": 0.7, "undiscounted": 0.3}]),  # no tie: too far
         (("limit is an end",), [{**FITS, "grows": 0.0}]),  # vague, and not said beside another
         (("grows",), [{"right": 1.0, "grows": 0.0}]),
         ((), [{**FITS, "mask late": 0.05, "mask early": 0.05, "all states": 0.05}]),  # too many ties

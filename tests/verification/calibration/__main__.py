@@ -17,6 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 from tests.verification.calibration.exams import Asked, Told, run
 from tests.verification.calibration.learners import RIGHT
+from tests.verification.calibration.page import store, written
 from tests.verification.calibration.wrong import Mistake, mistakes
 
 def lines(asked: Asked, results: list[Told]) -> Iterator[str]:
@@ -57,9 +58,11 @@ def main() -> None:
     with ProcessPoolExecutor(given.jobs) as pool:
         for one, results in zip(asked, pool.map(run, asked), strict=True):
             everything += [(one, each) for each in results]
+            store(given.wrong or "right", one, results)
             for line in lines(one, results):
                 print(line, flush=True)
     print(summary(everything))
+    written()
 
 
 def summary(everything: list[tuple[Asked, Told]]) -> str:
