@@ -37,7 +37,8 @@ PROBES = (
 HIDDEN = ("LookAlikes", "Votes")
 GAMMAS = (0.9, 0.95, 0.99)
 TOLD = {
-    "ends ignored": "past_ends", "next episode": "past_ends", "reset at the end": "past_ends", "rewards centred": "past_ends",
+    "ends ignored": "past_ends", "next episode": "past_ends", "flags exchanged": "past_ends",
+    "reset at the end": "past_ends", "rewards centred": "past_ends",
     "limit is an end": "limit_ends", "reset at the limit": "limit_ends",
     "immediate reward": "one_step", "mask inverted": "one_step", "same state": "one_step",
     "rewards clipped": "sizes_unseen", "signs of rewards": "sizes_unseen",

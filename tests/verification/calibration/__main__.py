@@ -20,6 +20,7 @@ from tests.verification.calibration.learners import RIGHT
 from tests.verification.calibration.page import store, written
 from tests.verification.calibration.wrong import Mistake, mistakes
 
+
 def lines(asked: Asked, results: list[Told]) -> Iterator[str]:
     """Yield a line for each exam."""
     for each in results:

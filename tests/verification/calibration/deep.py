@@ -128,7 +128,7 @@ def dqn(case: Case) -> Learned:
             actions = q_network(one_hot[obs]).argmax(-1).numpy()
         explores = rng.random(lanes) < epsilon
         actions[explores] = rng.integers(case.action_space.n, size=explores.sum())
-        next_obs, rewards, terminated, truncated, following = play(env, actions)
+        next_obs, rewards, terminated, truncated, following = play(env, actions)  # noqa: RUF059
         rows = slice(step * lanes, (step + 1) * lanes)
         b_obs[rows] = obs
         b_acts[rows] = actions

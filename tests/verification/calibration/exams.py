@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
 from collections.abc import Callable
@@ -47,8 +48,8 @@ class Told:
 def exam_of(name: str, train: Callable[[Any], Any], program: str, asked: Asked, first: int) -> Exam:
     """Return the exam of a learner on the finite probes; one that was held before with the same program is read again."""
     steps = int(STEPS * asked.budget)
-    content = hashlib.sha256(f"{program} {name} {steps} {first} {asked.seeds}".encode()).hexdigest()
-    folder = BUILD / content[:16]
+    content = f"{ast.dump(ast.parse(program))} {name} {steps} {first} {asked.seeds}"
+    folder = BUILD / hashlib.sha256(content.encode()).hexdigest()[:16]
     if (folder / "exam.json").exists():
         return Tables.explained(folder)
     tables = Tables()

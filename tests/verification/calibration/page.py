@@ -24,6 +24,8 @@ TITLES = {
 ACTOR_CRITIC = "A2C over tables: lambda 0, 0.95, 1, critics of several rates"
 BUDGETS = (0.1, 1.0, 5.0)
 UNSEEN = "unseen"
+One = tuple[float, bool, bool, bool]
+"""The budget of an exam, and whether it names a mistake, has a diagnosis, and flags."""
 Results = dict[str, dict[str, Any]]
 """By kind of exam, learner, mistake, budget and first seed: names and diagnoses, and flags."""
 
@@ -46,7 +48,7 @@ def store(kind: str, asked: Asked, said: Sequence[Told]) -> None:
     for each in said:
         mistake = "" if asked.mistake is None else f" {asked.mistake.name}"
         key = f"{kind} {asked.learner}{mistake} {asked.budget:g} {each.first}"
-        known[key] = {"names": [*each.names, *each.diagnoses], "flags": [*each.flags]}
+        known[key] = {"names": each.names, "diagnoses": each.diagnoses, "flags": each.flags}
     rows = [f" {json.dumps(key)}: {json.dumps(known[key])}" for key in sorted(known)]
     RESULTS.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
 
@@ -61,28 +63,28 @@ def written() -> None:
 
 def _right(right: Mapping[tuple[str, ...], Mapping[str, Any]]) -> str:
     """Return a table of right learners, and how many exams say something of them."""
-    groups: dict[str, list[tuple[float, bool, bool]]] = {}
+    groups: dict[str, list[One]] = {}
     for (learner, budget, _), said in right.items():
-        one = (float(budget), bool(said["names"]), bool(said["flags"]))
+        one = (float(budget), bool(said["names"]), bool(said["diagnoses"]), bool(said["flags"]))
         groups.setdefault(TITLES.get(learner, ACTOR_CRITIC), []).append(one)
     everything = [one for group in groups.values() for one in group]
     rows = [_row(title, groups.get(title, [])) for title in (*TITLES.values(), ACTOR_CRITIC)]
     rows.append(_row("all", everything))
-    names = sum(named for _, named, _ in everything)
-    alarms = sum(flagged for _, _, flagged in everything)
+    names = sum(named for _, named, _, _ in everything)
+    alarms = sum(flagged for _, _, _, flagged in everything)
     _, most_names = rate_interval(names, len(everything))
     _, most_alarms = rate_interval(alarms, len(everything))
     summary = (
         f"The 95 % interval of the rate of wrong names ends at {100 * most_names:.1f} %, "
         f"of wrong flags at {100 * most_alarms:.1f} %."
     )
-    header = ("learner", "a tenth", "whole", "five times", "wrong names", "wrong flags")
+    header = ("learner", "a tenth", "whole", "five times", "named", "with a diagnosis", "flagged")
     return f"{table(header, rows)}\n\n{summary}"
 
 
-def _row(title: str, exams: Sequence[tuple[float, bool, bool]]) -> list[str]:
-    numbers = [sum(budget == each for budget, _, _ in exams) for each in BUDGETS]
-    numbers += [sum(named for _, named, _ in exams), sum(flagged for _, _, flagged in exams)]
+def _row(title: str, exams: Sequence[One]) -> list[str]:
+    numbers = [sum(one[0] == each for one in exams) for each in BUDGETS]
+    numbers += [sum(bool(one[part]) for one in exams) for part in (1, 2, 3)]
     return [title, *map(str, numbers)]
 
 
@@ -95,9 +97,10 @@ def _unseen(known: Results) -> str:
         prefix = f"{UNSEEN} {mistake.learner} {mistake.name} 1 "
         for said in [said for key, said in known.items() if key.startswith(prefix)][:1]:
             examined += 1
-            names = ", ".join(said["names"]) or "–"
-            if said["names"]:
-                how = "rightly" if set(said["names"]) & set(mistake.causes) else "wrongly"
+            told = [*said["names"], *said["diagnoses"]]
+            names = ", ".join(told) or "–"
+            if told:
+                how = "rightly" if set(told) & set(mistake.causes) else "wrongly"
                 counts[how] += 1
                 if how == "wrongly":
                     names = f"wrongly: {names}"

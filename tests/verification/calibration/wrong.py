@@ -42,7 +42,7 @@ class Mistake:
 
     def source(self) -> str:
         """Return the program with the mistake. Raises ValueError where a text does not stand in the function once."""
-        text, own = _program(self.learner)
+        text, own = program(self.learner)
         changed = own
         for right, wrong in self.changes.items():
             if changed.count(right) != 1:
@@ -58,8 +58,8 @@ class Mistake:
         return found
 
 
-def _program(learner: str) -> tuple[str, str]:
-    """Return the file of a learner, and the text of its function."""
+def program(learner: str) -> tuple[str, str]:
+    """Return the program of a right learner, and the text of its function."""
     files = FILES[-1:] if learner.startswith("torch_") else FILES[:-1]
     for file in files:
         text = (HERE / file).read_text(encoding="utf-8")
