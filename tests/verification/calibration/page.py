@@ -73,10 +73,11 @@ def _right(right: Mapping[tuple[str, ...], Mapping[str, Any]]) -> str:
     names = sum(named for _, named, _, _ in everything)
     alarms = sum(flagged for _, _, _, flagged in everything)
     _, most_names = rate_interval(names, len(everything))
-    _, most_alarms = rate_interval(alarms, len(everything))
+    compared = len(everything) - len({(learner, budget) for learner, budget, _ in right})
+    _, most_alarms = rate_interval(alarms, compared)
     summary = (
-        f"The 95 % interval of the rate of wrong names ends at {100 * most_names:.1f} %, "
-        f"of wrong flags at {100 * most_alarms:.1f} %."
+        f"The 95 % interval of the rate of wrong names in {len(everything)} exams ends at {100 * most_names:.1f} %, "
+        f"of wrong flags in the {compared} exams that have an earlier one at {100 * most_alarms:.1f} %."
     )
     header = ("learner", "a tenth", "whole", "five times", "named", "with a diagnosis", "flagged")
     return f"{table(header, rows)}\n\n{summary}"
