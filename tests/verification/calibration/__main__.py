@@ -17,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 from tests.verification.calibration.exams import Asked, Told, run
 from tests.verification.calibration.learners import RIGHT
-from tests.verification.calibration.page import store, written
+from tests.verification.calibration.page import SEEDS_OF_AN_EXAM, store, written
 from tests.verification.calibration.wrong import Mistake, mistakes
 
 
@@ -46,7 +46,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=300_000, help="the first of all seeds")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     given = parser.parse_args()
-    firsts = tuple(given.first + 1000 * i for i in range(given.exams))
+    firsts = tuple(given.first + SEEDS_OF_AN_EXAM * i for i in range(given.exams))
     budgets = [float(budget) for budget in given.budgets.split(",")]
     subjects: list[tuple[str, Mistake | None]] = [(name, None) for name in RIGHT]
     if given.wrong:
