@@ -182,7 +182,7 @@ def test_long_analyses_tell_what_they_are_at() -> None:
 def test_a_terminal_shows_what_takes_long_and_clears_it(tmp_path: Path) -> None:
     (tmp_path / "mines.yaml").write_text(text(**BOMBS["mines"]), encoding="utf-8")
     ours, theirs = os.openpty()
-    command = [sys.executable, "-m", "taskspec", "check", "mines.yaml", "--limit", "seconds=10"]
+    command = [sys.executable, "-m", "taskspec", "check", "mines.yaml", "--limit", "seconds=10,transitions=10000000000"]
     shown = b""
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs, text=True) as run:
         while run.poll() is None or select.select([ours], [], [], 0)[0]:  # a terminal that nobody reads is soon full

@@ -10,6 +10,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from taskspec.base.diagnostics import SpecError, spec_error
 
@@ -44,6 +45,13 @@ def write_bytes(place: Path, content: bytes) -> None:
     """Write a file (see `whole`)."""
     with whole(place) as path:
         path.write_bytes(content)
+
+
+@contextmanager
+def whole_text(place: Path) -> Iterator[TextIO]:
+    """Yield a file for a text in UTF-8 that is written piece by piece, with the line ends that it has (see `whole`)."""
+    with whole(place) as path, path.open("w", encoding="utf-8", newline="") as file:
+        yield file
 
 
 def append_text(place: Path, text: str) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from taskspec.base import __version__, limits
 from taskspec.base.disk_list import CHUNK
 from taskspec.base.display import json_data
-from taskspec.base.files import whole
+from taskspec.base.files import whole, whole_text
 from taskspec.base.jobs.code_hash import code_hash
 from taskspec.base.jobs.running import Running, run_many
 from taskspec.base.jobs.store import Job, JobResult, Store
@@ -180,7 +180,7 @@ def columns(rows: Sequence[Measured]) -> list[str]:
 
 def write_json(rows: Sequence[Measured], path: Path) -> None:
     """Write a list of one object for each instance."""
-    with whole(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+    with whole_text(path) as file:
         file.write("[")
         before = "\n "
         for row in rows:
@@ -192,7 +192,7 @@ def write_json(rows: Sequence[Measured], path: Path) -> None:
 
 def write_csv(rows: Sequence[Measured], path: Path) -> None:
     """Write a line for each instance, under names of columns."""
-    with whole(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+    with whole_text(path) as file:
         writer = csv.DictWriter(file, columns(rows), lineterminator="\n")
         writer.writeheader()
         writer.writerows(row.flat() for row in rows)
