@@ -253,8 +253,8 @@ def learned_notes(scores: Sequence[Score], is_wrong: bool) -> list[str]:
     notes = []
     for each in explanations(scores):
         if each.is_mistake:
-            commands = " and ".join(f"`taskspec explain {anchor(name)}`" for name in each.names)
-            notes.append(f"with an example and its repair: {commands}")
+            commands = ", ".join(f"`taskspec explain {anchor(name)}`" for name in each.names)
+            notes.append(f"an example and its repair: {commands}")
         elif not (each.names and is_wrong):
             note = each.message
             if each.advice.strip(" ."):
