@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import pickle
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TypeVar, overload
 
 T = TypeVar("T")
-CHUNK = 500
-"""Things that are read from the file at a time."""
 
 
 class DiskList(Sequence[T]):
@@ -28,10 +26,6 @@ class DiskList(Sequence[T]):
 
     def __len__(self) -> int:
         return self._count
-
-    def __iter__(self) -> Iterator[T]:
-        for start in range(0, len(self), CHUNK):
-            yield from self[start : start + CHUNK]
 
     @overload
     def __getitem__(self, index: int) -> T: ...

@@ -74,12 +74,8 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
             after = np.zeros(count, np.bool_)
             rows = (P.indptr, P.indices, P.data)
             sweep = partial(_sweep, rows, outcomes, step.R, active, value, spare, after, (model.discount, sign))
-            parts = [blocks]
-            if np.count_nonzero(active) * (P.nnz / count) > SHARED:
-                parts = np.array_split(blocks, 4 * threads)
-            others = pool.map(sweep, parts[1:])
-            sweep(parts[0])
-            list(others)
+            is_large = np.count_nonzero(active) * (P.nnz / count) > SHARED
+            _share(pool, sweep, blocks, 4 * threads if is_large else 1)
             changed = after
             bound = numbers.with_errors(step, spare, bound)
             spare = value
@@ -114,12 +110,8 @@ def largest_fixed_point(
             blocks = np.flatnonzero(active | changed).astype(np.uint64)
             after = np.zeros(count, np.bool_)
             sweep = partial(_sweep, rows, outcomes, reward, active, value, spare, after, (discount, 1.0))
-            parts = [blocks]
-            if np.count_nonzero(active) * (P.nnz / count) > SHARED:
-                parts = np.array_split(blocks, threads)
-            others = pool.map(sweep, parts[1:])
-            sweep(parts[0])
-            list(others)
+            is_large = np.count_nonzero(active) * (P.nnz / count) > SHARED
+            _share(pool, sweep, blocks, threads if is_large else 1)
             gap = float(np.max(np.abs(spare - value)))
             value, spare = spare, value
             if is_over(gap, before, value):
@@ -128,6 +120,14 @@ def largest_fixed_point(
             changed = after
             active = _active(*ahead, changed)
     return value
+
+
+def _share(pool: ThreadPoolExecutor, sweep: Callable[[Array], None], blocks: Array, parts: int) -> None:
+    """Sweep blocks in so many parts, the first of them in this thread."""
+    first, *rest = np.array_split(blocks, parts)
+    others = pool.map(sweep, rest)
+    sweep(first)
+    list(others)
 
 
 def _outcomes(indptr: Array) -> tuple[int, ...]:

@@ -14,7 +14,6 @@ from typing import Any, overload
 import numpy as np
 
 from taskspec.base import __version__, limits
-from taskspec.base.disk_list import CHUNK
 from taskspec.base.display import json_data
 from taskspec.base.files import whole, whole_text
 from taskspec.base.jobs.code_hash import code_hash
@@ -125,6 +124,8 @@ def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
     }  # fmt: skip
 
 
+CHUNK = 500
+"""Rows that are read from the store at a time."""
 LANES = 64
 SECONDS = 0.2
 """How many environments are stepped together for the speed of many, and how long each is timed."""
