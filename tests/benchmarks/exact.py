@@ -217,6 +217,7 @@ def _compile() -> None:
         from taskspec.exact.solve.kernels_numba import extreme_values
 
         extreme_values(Bounded(extract(to_corner(5, 1).task)), True)
+        Solvers(extract(lasting(100, "discount").task)).in_floats.best()
 
 
 def storm(grid: Grid) -> Timing | None:

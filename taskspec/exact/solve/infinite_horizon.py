@@ -33,8 +33,8 @@ DIRECT = 3000
 """The number of states up to which equations are solved directly."""
 WORK = 300_000_000
 """The number of non-zeros that repeated substitution may go through."""
-COMPILED = 150_000
-"""Non-zeros above which sweeps are compiled, since `WORK` is too little."""
+COMPILED = 100_000
+"""Non-zeros above which sweeps are compiled: importing Numba takes as long as a thousand sweeps over them in SciPy."""
 RATE = 1_000_000_000
 """Non-zeros that compiled substitution goes through in each second of the limit."""
 SWEEP = 10_000
@@ -113,13 +113,23 @@ def followed(P: Any, policy: Array) -> Any:
 
 def leading_to(matrix: Any, targets: Array) -> Array:
     """Return the states (S,) from which targets can be reached, these included, by a matrix (S, S) or rows (A*S, S)."""
-    found = targets.copy()
-    while True:
-        ahead = (matrix @ found.astype(np.float64)) > 0
-        more = found | ahead.reshape(-1, len(found)).any(axis=0)
-        if (more == found).all():
-            return found
-        found = more
+    found = np.zeros(len(targets), np.bool_)
+    found[nearest_first(matrix, targets)] = True
+    return found
+
+
+def nearest_first(matrix: Any, targets: Array) -> Array:
+    """Return the indices of the states of `leading_to` by their number of steps to a target, the least first."""
+    from scipy.sparse.csgraph import breadth_first_order  # a fiftieth of a second, for this alone
+
+    n = len(targets)
+    back = matrix.tocsc(copy=True)
+    back.eliminate_zeros()
+    first = np.flatnonzero(targets)
+    indices = np.append(back.indices % n, first)  # one more node, before all targets
+    indptr = np.append(back.indptr, len(indices))
+    graph = sparse.csr_array((np.ones(len(indices)), indices, indptr), shape=(n + 1, n + 1))
+    return np.asarray(breadth_first_order(graph, n, return_predecessors=False)[1:])
 
 
 class InfiniteHorizon(Bounded):
@@ -240,10 +250,17 @@ class InfiniteHorizon(Bounded):
         """States (S,) in which episodes act, without those from which nothing is ever paid again."""
         if self.is_discounted:
             return self.model.acting
+        found = np.zeros(self.model.n_states, np.bool_)
+        found[self.paying_first] = True
+        return self.model.acting & found
+
+    @cached_property
+    def paying_first(self) -> Array:
+        """Indices of the states from which something may still be paid, by their number of steps to that, the least first."""
         pays = self.only.R != 0
         if not self.is_signed and self.only.rounding.terms > 1:  # outcomes of both signs may cancel
             pays = np.ones_like(pays)
-        return self.model.acting & leading_to(self.only.P, pays.reshape(self.shape).any(axis=0))
+        return nearest_first(self.only.P, pays.reshape(self.shape).any(axis=0))
 
     def q_values(self, shift: Fraction = Fraction(0)) -> Bound:
         """Return Q (A, S) of the best policy, for the reward plus a constant."""
@@ -265,9 +282,16 @@ class InfiniteHorizon(Bounded):
     def _weight(self, live: Array) -> Array:
         """Return w (S,): without a discount, the expected number of so many steps that another one adds at most 0.1; so much is
         w - P w below 1.
+
+        Where steps end about as probably in all states, 1 is as good: no w can be smaller than 1 / (1 - p) everywhere, for the
+        least p.
         """
+        weight = live.astype(np.float64)
         if self.is_discounted:
-            return np.ones(self.model.n_states)
+            return np.ones_like(weight)
+        p = self.top(self._expected(weight, 1.0)).value[live]  # the largest probability to go on
+        if 1 - p.max(initial=0.0) >= 0.9 * (1 - p.min(initial=1.0)):
+            return weight
         return self._policy_iteration(np.ones(self.shape), live, enough=0.1)
 
     def _policy_iteration(self, reward: Array, live: Array, enough: float = 0.0) -> Array:
@@ -278,7 +302,7 @@ class InfiniteHorizon(Bounded):
         def q_values(V: Array) -> Array:
             return self.model.among_legal(np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0), -np.inf)
 
-        if P.nnz > COMPILED and self.model.legal is None and is_installed("numba"):
+        if P.nnz > COMPILED and is_installed("numba"):
             return self._compiled_values(reward, live, enough)
         if np.count_nonzero(live) > DIRECT:
             value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz, enough)
@@ -298,22 +322,32 @@ class InfiniteHorizon(Bounded):
         return value
 
     def _compiled_values(self, reward: Array, live: Array, enough: float) -> Array:
-        """Return values by substitution in compiled sweeps; those of states that are not live are 0."""
+        """Return values by substitution in compiled sweeps; those of states that are not live are 0.
+
+        Each sweep goes from the rewards backwards and uses the values that it has just found, so that one sweep carries a
+        reward to all states (P. Dai and E. Hansen, Prioritizing Bellman backups without a priority queue, ICAPS 2007).
+        """
         from taskspec.exact.solve.kernels_numba import largest_fixed_point
 
-        P = self.only.P
-        paid = np.where(live, reward, 0.0).reshape(-1)
-        if not live.all():
-            kept = np.repeat(np.tile(live, len(reward)), np.diff(P.indptr))
-            P = type(P)((np.where(kept, P.data, 0.0), P.indices, P.indptr), shape=P.shape)
-        most = int(RATE * limits().seconds) // P.nnz + 1
+        states = self.model.n_states
+        unpaid = live.copy()
+        unpaid[self.paying_first] = False
+        order = np.append(self.paying_first[live[self.paying_first]], np.flatnonzero(unpaid))
+        rows = np.add.outer(order, states * np.arange(len(reward))).reshape(-1)
+        place = np.full(states, len(order), np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        P = self.only.P[rows]
+        paid = self.model.among_legal(reward, -np.inf).T[order]
+        most = int(RATE * limits().seconds) // self.only.P.nnz + 1
 
         def is_over(gap: float, before: float, value: Array) -> bool:
             return gap <= enough or is_fixed(gap, before, value)
 
-        value = largest_fixed_point(P, paid, self.model.discount, most, is_over)
-        if not np.isfinite(value).all():
+        found = largest_fixed_point((P.indptr, place[P.indices], P.data), paid, self.model.discount, most, is_over)
+        if not np.isfinite(found).all():
             refuse(UNENDING, HINT)
+        value = np.zeros(states)
+        value[order] = found
         return value
 
     @QUIET

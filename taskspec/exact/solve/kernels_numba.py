@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numba import config, njit
@@ -84,42 +83,28 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
 
 
 def largest_fixed_point(
-    P: Any, reward: Array, discount: float, most: int, is_over: Callable[[float, float, Array], bool]
-) -> Array:
+    rows: tuple[Array, Array, Array], reward: Array, discount: float, most: int,
+    is_over: Callable[[float, float, Array], bool],
+) -> Array:  # fmt: skip
     """Return values (S,) near the fixed point of V = max over actions of (reward + discount * P V), from V = 0.
 
+    Sweeps go through the states in their order, and use the values that they have just found.
+
     Args:
-        P: sparse (A * S, S).
-        reward: float64 (A * S,).
+        rows: of P (S * A, S + 1): where each begins, columns, and probabilities. Row s * A + a is action a in state s; the last
+            column is for states that are worth 0.
+        reward: float64 (S, A), -inf for illegal actions.
         most: sweeps, at most.
         is_over: whether to stop, by the last change of values, the one before, and the values.
     """
-    states = P.shape[1]
-    count = -(-states // BLOCK)
-    ahead = _successors(P.indptr, P.indices, states, len(reward) // states)
-    rows = (P.indptr, P.indices, P.data)
-    outcomes = _outcomes(P.indptr)
-    value = np.zeros(states)
-    spare = np.zeros(states)
-    changed = np.ones(count, np.bool_)
-    active = changed
+    value = np.zeros(len(reward) + 1)
     before = np.inf
-    threads = config.NUMBA_NUM_THREADS
-    with ThreadPoolExecutor(threads) as pool:
-        for _ in range(most):
-            blocks = np.flatnonzero(active | changed).astype(np.uint64)
-            after = np.zeros(count, np.bool_)
-            sweep = partial(_sweep, rows, outcomes, reward, active, value, spare, after, (discount, 1.0))
-            is_large = np.count_nonzero(active) * (P.nnz / count) > SHARED
-            _share(pool, sweep, blocks, threads if is_large else 1)
-            gap = float(np.max(np.abs(spare - value)))
-            value, spare = spare, value
-            if is_over(gap, before, value):
-                break
-            before = gap
-            changed = after
-            active = _active(*ahead, changed)
-    return value
+    for _ in range(most):
+        gap = _sweep_in_place(*rows, reward, discount, value)
+        if is_over(gap, before, value):
+            break
+        before = gap
+    return value[:-1]
 
 
 def _share(pool: ThreadPoolExecutor, sweep: Callable[[Array], None], blocks: Array, parts: int) -> None:
@@ -211,3 +196,27 @@ def _sweep(
             out[s] = sign * best
             is_new |= out[s] != value[s]
         after[b] = is_new
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _sweep_in_place(
+    indptr: Array, columns: Array, weights: Array, reward: Array, discount: float, value: Array
+) -> float:
+    """Give each state its best value by the values of all states, one state after the other; return the largest change."""
+    states, actions = reward.shape
+    gap = 0.0
+    row = np.uint64(0)
+    k = np.uint64(0)
+    for s in range(states):
+        best = -np.inf
+        for a in range(actions):
+            row += np.uint64(1)
+            last = np.uint64(indptr[row])
+            ahead = 0.0
+            while k < last:
+                ahead += weights[k] * value[np.uint64(columns[k])]
+                k += np.uint64(1)
+            best = max(best, reward[s, a] + discount * ahead)
+        gap = max(gap, abs(best - value[s]))
+        value[s] = best
+    return gap

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from taskspec.exact.model.probabilities import Reader
-from taskspec.exact.solve import plans, solve
+from taskspec.exact.solve import infinite_horizon, plans, solve
 from taskspec.exact.solve.backward import Boltzmann, Given, action_values, backward, first_values
 from taskspec.exact.solve.bounded import Bounded
 from taskspec.exact.solve.rational import Rational
@@ -166,15 +167,35 @@ def _ends_in_one(small: Small) -> Iterator[float]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_without_a_horizon_by_linear_programming(seed: int) -> None:
+@pytest.mark.parametrize("least", [0, infinite_horizon.COMPILED])
+def test_without_a_horizon_by_linear_programming(monkeypatch: pytest.MonkeyPatch, seed: int, least: int) -> None:
     from scipy.optimize import linprog
 
+    monkeypatch.setattr(infinite_horizon, "COMPILED", least)
     small = Small(seed, states=5, actions=3, horizon="none", discount=0.9)
     live = np.array([small.going(s) for s in range(5)])
     r = (small.p * small.r).sum(axis=-1)  # (s, a)
     rows = [np.eye(5)[s] - 0.9 * small.p[s, a] * live for s in range(5) for a in range(3)]
     found = linprog(np.ones(5), A_ub=-np.array(rows), b_ub=-r.reshape(-1), bounds=[(None, None)] * 5)
     assert solve.best(small.model).value[live] == pytest.approx(found.x[live], abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_states_that_lead_to_others_by_powers_of_the_matrix(seed: int) -> None:
+    states = 12
+    rng = np.random.default_rng(seed)
+    rows = sparse.csr_array(rng.random((2 * states, states)) < 0.06, dtype=np.float64)
+    rows.data[::5] = 0  # entries that lead nowhere
+    targets = rng.random(states) < 0.2
+    steps = rows.toarray().reshape(2, states, states).sum(axis=0) > 0
+    distance = np.where(targets, 0, states)
+    for k in range(1, states):
+        leads = (np.linalg.matrix_power(steps.astype(int), k) @ targets) > 0
+        distance[leads] = np.minimum(distance[leads], k)
+    order = infinite_horizon.nearest_first(rows, targets)
+    assert sorted(order) == np.flatnonzero(distance < states).tolist()
+    assert (np.diff(distance[order]) >= 0).all()
+    assert infinite_horizon.leading_to(rows, targets).tolist() == (distance < states).tolist()
 
 
 def test_finite_horizon_by_linear_programming() -> None:
