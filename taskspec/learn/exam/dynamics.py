@@ -6,6 +6,7 @@ reward.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -179,6 +180,24 @@ class Behaviour:
         return float((self.rates * self.dynamics.R).sum())
 
     @cached_property
+    def deviation(self) -> float:
+        """The standard deviation of rewards over all steps."""
+        mean_square = float((self.rates * self.dynamics.changed["squared"]).sum())
+        return math.sqrt(max(0.0, mean_square - self.mean_reward**2))
+
+    def so_far(self, gamma: float) -> Array:
+        """Return the sum (H, S) of rewards of an episode before each state, discounted from its start: the mean, times visits."""
+        s = self.dynamics
+        n = s.model.n_states
+        rows = []
+        now = np.zeros(n)
+        for t, visits in enumerate(self.counts):
+            rows.append(now)
+            after = self.pi * (now + gamma**t * visits * s.R)
+            now = s.P.T @ after.reshape(-1)
+        return np.array(rows)
+
+    @cached_property
     def reward_before(self) -> Array:
         """The mean reward (S,) of the step before; at the start, of the last step of an episode."""
         s = self.dynamics
@@ -188,14 +207,18 @@ class Behaviour:
         paid = s.P.T @ (steps * s.R.reshape(-1)) + last_reward * s.model.start
         return self._share(paid, s.P.T @ steps + s.model.start)
 
+    def arriving(self, steps: Array) -> Array:
+        """Return what arrives (A, S) in each state by each action, of what leaves (A, S)."""
+        s = self.dynamics
+        n = s.model.n_states
+        return np.stack([s.P[a * n : (a + 1) * n].T @ steps[a] for a in range(s.model.n_actions)])
+
     @cached_property
     def comes_before(self) -> Array:
         """The actions (A, S) that may be those of the step before; at the start, of the last step of an episode."""
         s = self.dynamics
         steps = self.pi * (self.total - self.at_limit)
-        leads = np.stack(
-            [s.P[a * len(self.total) : (a + 1) * len(self.total)].T @ steps[a] for a in range(len(self.pi))]
-        )
+        leads = self.arriving(steps)
         ends = self.pi * (self.total - (self.total - self.at_limit) * s.going_on)
         return leads + np.outer(ends.sum(axis=1), s.model.start) > 0
 
@@ -278,6 +301,23 @@ def _sign(task: Task) -> Task:
     return paying(b, task, b.apply("sign", task.process.reward))
 
 
+def _squashed(task: Task) -> Task:
+    b = task.new_builder()
+    return paying(b, task, b.apply("tanh", task.process.reward))
+
+
+def _whole(task: Task) -> Task:
+    """Pay what an array of whole numbers keeps of a reward: the part after the point is lost."""
+    b = task.new_builder()
+    size = b.apply("floor", b.apply("abs", task.process.reward))
+    return paying(b, task, b.apply("mul", b.apply("sign", task.process.reward), size))
+
+
+def _squared(task: Task) -> Task:
+    b = task.new_builder()
+    return paying(b, task, b.apply("mul", task.process.reward, task.process.reward))
+
+
 def _unfinished(task: Task) -> Task:
     """Pay 0 where the step ends the episode."""
     b = task.new_builder()
@@ -286,7 +326,7 @@ def _unfinished(task: Task) -> Task:
 
 
 REWARD_CHANGES: dict[str, Callable[[Task], Task]] = {
-    "clipped": _clipped, "signs": _sign, "unfinished": _unfinished,
+    "clipped": _clipped, "signs": _sign, "squashed": _squashed, "whole": _whole, "squared": _squared, "unfinished": _unfinished,
 }  # fmt: skip
 """Tasks whose every reward is changed, by the name of the change.
 

@@ -26,7 +26,7 @@ from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
 from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
-from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways
+from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, rights_of
 
 
 def fingerprint(
@@ -74,11 +74,12 @@ def fingerprint(
     right, *_ = ways["right"]
     if not right.settles:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
+    rights = [each.fixed_point for each in rights_of(ways)]
     has_moved = np.ptp(learned[..., dynamics.acted]) > MOVED * np.ptp(right.fixed_point[..., dynamics.acted])
     found = _distances(learned, ways, weights, has_moved)
     for name, operator in OPERATORS.items():
         if operator.recognise is not None and operator.of in (None, kind):
-            fit = operator.recognise(dynamics, learned, right.fixed_point)
+            fit = operator.recognise(dynamics, learned, rights)
             if fit is not None:
                 found[name] = fit
     return found
@@ -101,7 +102,7 @@ def _distances(learned: Array, ways: Mapping[str, Sequence[Way]], weights: Array
     found = {"right": Fit(min(1.0, of_right / scale), 0)}
     for name, known in ways.items():
         fits = []
-        for each, right in zip(known, ways["right"], strict=True):
+        for each, right in zip(known, rights_of(ways), strict=False):
             if not each.settles:
                 continue
             if name in GOOD:

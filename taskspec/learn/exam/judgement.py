@@ -23,7 +23,7 @@ NEAR = 0.2
 CLEARER = 0.5
 """A mistake fits a task if its distance is at most `NEAR`, and at most `CLEARER` of that to what is right."""
 WORSE = 0.1
-"""It is contradicted by a task where it is farther than what is right, by this and more than twice as far."""
+"""It is contradicted by a task that what is right explains, where it is farther, by this and more than twice as far."""
 ELSEWHERE = 0.25
 """On tasks where it does not differ from what is right, this is near."""
 SAME = 0.05
@@ -166,10 +166,10 @@ class _Pooled:
             of_good = self.of_good(task)
             if distance <= NEAR and distance <= CLEARER * of_good and of_good - distance >= SAME:
                 fitted.append(task)
-            elif distance > 2 * of_good + WORSE:
-                return False
             elif of_good > NEAR:
                 unfinished.append(task)
+            elif distance > 2 * of_good + WORSE:
+                return False
         if len(fitted) <= len(unfinished):
             return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]

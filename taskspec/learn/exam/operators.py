@@ -10,7 +10,7 @@ explains is counted without these.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -27,6 +27,8 @@ MOVED = 0.1
 """Values that differ by more than this share of what they should have moved."""
 BEYOND = 10
 """Values that are so many times larger than the most that can be earned have grown; a few rewards too many are not enough."""
+SCALED = 1.5
+"""Values are taken for a multiple of right ones from this factor on."""
 FEWEST = 3
 """Values that a mistake has to explain, at least, to be named."""
 
@@ -48,8 +50,8 @@ class BellmanOperator:
         backup: from Q (A, S) and V to the next Q.
         reduce: from Q to V, where this is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
-        recognise: how learned values (A, S), or (S,), fit, where the mistake has no fixed point, from these and the right ones;
-            None if they say nothing.
+        recognise: how learned values (A, S), or (S,), fit, where the mistake has no fixed point, from these and the right ones,
+            of the greedy policy first; None if they say nothing.
         free: numbers of a task that the fit chooses.
         vague: whether many mistakes lead to it, so that any other that explains the values says more.
         varies: whether each run has an outcome of its own, so that runs add values that differ.
@@ -60,7 +62,7 @@ class BellmanOperator:
     backup: Callable[[Dynamics, Behaviour, Array, Array], Array] | None = None
     reduce: Callable[[Dynamics, Behaviour, Array], Array] | None = None
     of: Literal["q", "values"] | None = None
-    recognise: Callable[[Dynamics, Array, Array], Fit | None] | None = None
+    recognise: Callable[[Dynamics, Array, Sequence[Array]], Fit | None] | None = None
     free: int = 0
     vague: bool = False
     varies: bool = False
@@ -107,14 +109,10 @@ def _until_limit(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the mean return until the limit after each step, in the mean over the times at which a state is visited."""
     if s.model.horizon is None:
         return s.R + s.gamma * s.following(V)
-    left = np.zeros_like(V)
     summed = np.zeros_like(Q)
-    for visits in acts.counts[::-1]:
-        returns = s.R + s.gamma * s.expected(s.P, left)
+    for _, visits, returns in _returns(s, acts):
         summed += visits * returns
-        left = acts.expected(returns)
-    found: Array = np.divide(summed, acts.total, out=np.full_like(Q, s.initial), where=acts.total > 0)
-    return found
+    return _per_visit(s, summed, acts.total)
 
 
 def _mask_early(s: Dynamics, acts: Behaviour, V: Array) -> Array:
@@ -126,6 +124,79 @@ def _mask_early(s: Dynamics, acts: Behaviour, V: Array) -> Array:
     return found
 
 
+def _limit_twice(s: Dynamics, acts: Behaviour, V: Array) -> Array:
+    return (1 + acts.last) * s.following(V)
+
+
+def _whole_return(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the mean return of the episodes in which each step is taken, from their first step to their last."""
+    if s.model.horizon is None:
+        return s.R + s.gamma * s.following(V)
+    earlier = acts.so_far(s.gamma)
+    summed = np.zeros_like(Q) + earlier.sum(axis=0)
+    for t, visits, returns in _returns(s, acts):
+        summed += s.gamma**t * visits * returns
+    return _per_visit(s, summed, acts.total)
+
+
+def _from_the_start(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the mean return after each step, discounted from the first step of the episode on."""
+    if s.model.horizon is None:
+        return s.R + s.gamma * s.following(V)
+    summed = np.zeros_like(Q)
+    for t, visits, returns in _returns(s, acts):
+        summed += s.gamma**t * visits * returns
+    return _per_visit(s, summed, acts.total)
+
+
+def _returns(s: Dynamics, acts: Behaviour) -> Iterator[tuple[int, Array, Array]]:
+    """Yield each time, from the last one on, the visits (S,) at it, and the returns (A, S) from it until the limit."""
+    left = np.zeros(s.model.n_states)
+    for t in reversed(range(len(acts.counts))):
+        returns = s.R + s.gamma * s.expected(s.P, left)
+        yield t, acts.counts[t], returns
+        left = acts.expected(returns)
+
+
+def _per_visit(s: Dynamics, summed: Array, visits: Array) -> Array:
+    """Return sums (A, S) by the visits (S,); the value before anything is learned where there are none."""
+    mean: Array = np.divide(summed, visits, out=np.full_like(s.R, s.initial), where=visits > 0)
+    return mean
+
+
+def _rewards_added(s: Dynamics, acts: Behaviour) -> Array:
+    if s.model.horizon is None:
+        return s.R
+    earlier = acts.so_far(1.0).sum(axis=0)
+    return s.R + np.divide(earlier, acts.total, out=np.zeros_like(earlier), where=acts.total > 0)
+
+
+def _standardised(s: Dynamics, acts: Behaviour) -> Array:
+    centred = s.R - acts.mean_reward
+    if acts.deviation == 0:
+        return centred
+    return centred / acts.deviation
+
+
+def _ends_punished(s: Dynamics, acts: Behaviour) -> Array:
+    goes_on = (1 - acts.last) * s.going_on
+    return (1 - acts.last) * s.changed["unfinished"] - (1 - goes_on)
+
+
+def _batch_mean(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    targets = s.R + s.gamma * s.following(V)
+    return np.full_like(Q, (acts.rates * targets).sum())
+
+
+def _overwritten(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the targets of steps whose observation is the one that they lead to."""
+    steps = acts.pi * acts.total
+    arrivals = acts.arriving(steps)
+    paid = acts.arriving(steps * s.R)
+    reward = np.divide(paid, arrivals, out=np.zeros_like(paid), where=arrivals > 0)
+    return np.where(arrivals > 0, reward + s.gamma * s.learned(V), s.initial)
+
+
 def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the targets of a learner that takes the last state of an episode for the first one of the next."""
     right = s.R + s.gamma * s.following(V)
@@ -134,19 +205,36 @@ def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     taken = acts.last_states
     visits = seen + taken
     mixed = seen * right + taken * of_first
-    found: Array = np.divide(mixed, visits, out=np.full_like(Q, s.initial), where=visits > 0)
-    return found
+    return _per_visit(s, mixed, visits)
 
 
 # -- mistakes without a fixed point, recognised by the values alone ---------------------------------------------------
 
 
-def _grows(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+def _grows(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
     values = learned[..., s.acted]
+    right = rights[0]
     beyond = int((np.abs(values) > BEYOND * max(s.most, abs(s.initial))).sum())
     if beyond == 0 or _is_multiple(values, right[..., s.acted]):
         return None
     return Fit(0.0, beyond)
+
+
+def _scaled(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    """Compare values with the nearest multiple of right ones, which is more than `SCALED` times as large, or as small."""
+    fits = []
+    for right in rights:
+        shown = right[..., s.acted]
+        squared = float((shown**2).sum())
+        if squared == 0:
+            continue
+        values = learned[..., s.acted]
+        scale = float((values * shown).sum()) / squared
+        spread = float(shown.std())
+        if scale > 0 and abs(np.log(scale)) > np.log(SCALED) and spread > 0:
+            apart = float(np.sqrt(((values / scale - shown) ** 2).mean())) / spread
+            fits.append(Fit(min(1.0, apart), shown.size))
+    return min(fits, default=None)
 
 
 def _is_multiple(learned: Array, right: Array) -> bool:
@@ -159,7 +247,8 @@ def _is_multiple(learned: Array, right: Array) -> bool:
     return bool((rest**2).sum() <= APART**2 * (shape**2).sum())
 
 
-def _one_pair(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+def _one_pair(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    right = rights[0]
     paid = int((np.abs(right[:, s.acted] - s.initial) > APART * np.abs(right).max()).sum())
     if paid < FEWEST:
         return None
@@ -167,7 +256,8 @@ def _one_pair(s: Dynamics, learned: Array, right: Array) -> Fit | None:
     return Fit(float(changed.sum() != 1), paid)
 
 
-def _untrained(s: Dynamics, learned: Array, right: Array) -> Fit | None:
+def _untrained(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    right = rights[0]
     size = float(np.ptp(right[..., s.acted]))
     if size <= APART * np.abs(right).max():
         return None
@@ -175,10 +265,13 @@ def _untrained(s: Dynamics, learned: Array, right: Array) -> Fit | None:
     return Fit(min(1.0, moved / MOVED), learned[..., s.acted].size)
 
 
-def _one_outcome(s: Dynamics, learned: Array, right: Array) -> Fit | None:
-    """Compare values after chance with the value of one outcome: how near the nearest is, where half of their range is 1."""
-    V = s.learned(right.max(axis=0))
-    size = APART * float(np.ptp(right[:, s.acted]))
+def _one_outcome(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    """Compare values after chance with the value of one outcome: how near the nearest is, where half of their range is 1.
+
+    What follows is worth what was learned, so that mistakes do not add up on the way.
+    """
+    V = s.learned(learned.max(axis=0))
+    size = APART * float(np.ptp(rights[0][:, s.acted]))
     apart = []
     for a, state in zip(*np.nonzero(np.broadcast_to(s.acted, learned.shape)), strict=True):
         row = s.row(s.P, a, state)
@@ -204,6 +297,7 @@ OPERATORS = {
     "end at the limit": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + acts.last * s.ending(V)),
     "flags exchanged": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.last) * (s.following(V) + s.ending(V))),
     "reset at the end": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.first(V) * (1 - s.going_on)),
+    "limit counted twice": BellmanOperator(ahead=_limit_twice),
     "reset at the limit": BellmanOperator(ahead=_reset_at_limit),
     "mask inverted": BellmanOperator(ahead=lambda s, acts, V: s.ending(V)),
     "mask late": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.after_end) * (s.following(V) + s.ending(V))),
@@ -214,23 +308,36 @@ OPERATORS = {
     "same state": BellmanOperator(ahead=lambda s, acts, V: s.going_on * V),
     "mean of actions": BellmanOperator(reduce=lambda s, acts, Q: Q.mean(axis=0), of="q"),
     "least action": BellmanOperator(reduce=lambda s, acts, Q: Q.min(axis=0), of="q"),
+    "soft maximum": BellmanOperator(reduce=lambda s, acts, Q: np.logaddexp.reduce(Q, axis=0), of="q"),
     "all states": BellmanOperator(reduce=lambda s, acts, Q: np.full(Q.shape[1], Q[:, s.acted].max()), of="q"),
     "action before": BellmanOperator(backup=_action_before, of="q"),
     # -- discounts
     "reward discounted": BellmanOperator(reward=lambda s, acts: s.gamma * s.R),
     "discounted twice": BellmanOperator(ahead=lambda s, acts, V: s.gamma * s.following(V)),
     "undiscounted": BellmanOperator(backup=lambda s, acts, Q, V: s.R + s.following(V)),
+    "discounted from the start": BellmanOperator(backup=_from_the_start),
     "immediate reward": BellmanOperator(ahead=lambda s, acts, V: np.zeros_like(s.R)),
     # -- rewards
     "rewards clipped": BellmanOperator(reward=lambda s, acts: s.changed["clipped"]),
+    "rewards squashed": BellmanOperator(reward=lambda s, acts: s.changed["squashed"]),
+    "whole rewards": BellmanOperator(reward=lambda s, acts: s.changed["whole"]),
+    "rewards scaled": BellmanOperator(recognise=_scaled, free=1),
     "signs of rewards": BellmanOperator(reward=lambda s, acts: s.changed["signs"]),
     "reward negated": BellmanOperator(reward=lambda s, acts: -s.R),
     "rewards centred": BellmanOperator(reward=lambda s, acts: s.R - acts.mean_reward),
+    "rewards standardised": BellmanOperator(reward=_standardised),
+    "rewards added up": BellmanOperator(reward=_rewards_added),
+    "return of the episode": BellmanOperator(backup=_whole_return),
+    "ends punished": BellmanOperator(reward=_ends_punished),
     "reward before": BellmanOperator(reward=lambda s, acts: np.broadcast_to(acts.reward_before, s.R.shape)),
     "reward after": BellmanOperator(reward=lambda s, acts: acts.reward_after),
     # -- what is updated
     "stale action": BellmanOperator(backup=_stale_action, of="q"),
     "any action": BellmanOperator(backup=_any_action, of="q"),
+    "mean of the batch": BellmanOperator(backup=_batch_mean),
+    "observation overwritten": BellmanOperator(backup=_overwritten),
+    "never negative": BellmanOperator(backup=lambda s, acts, Q, V: np.maximum(s.R + s.gamma * s.following(V), 0)),
+    "kept within one": BellmanOperator(backup=lambda s, acts, Q, V: np.clip(s.R + s.gamma * s.following(V), -1, 1)),
     "advantages": BellmanOperator(backup=_advantages, of="values"),
     "grows": BellmanOperator(recognise=_grows, vague=True),
     "one pair": BellmanOperator(of="q", recognise=_one_pair, free=1),

@@ -274,6 +274,21 @@ def _step_before(mdp: RewardMdp) -> Array:
     return np.broadcast_to(mean[:, None], mdp.true.shape)
 
 
+def _arriving(mdp: RewardMdp) -> Array:
+    """Return the mean reward of the steps that lead to each state by each action."""
+    n = mdp.model.n_states
+    weights = mdp.visits / mdp.model.n_actions
+    means = np.zeros_like(mdp.true)
+    for action in range(mdp.model.n_actions):
+        leads = np.zeros((mdp.model.n_actions, n))
+        leads[action] = weights
+        arrivals = mdp.next_visits(leads.reshape(-1))
+        leads[action] = weights * mdp.true[:, action]
+        paid = mdp.next_visits(leads.reshape(-1))
+        means[:, action] = np.divide(paid, arrivals, out=np.zeros_like(paid), where=arrivals > 0)
+    return means
+
+
 def _step_after(mdp: RewardMdp) -> Array:
     return action_values(mdp.model.going, np.zeros_like(mdp.true.T), 1.0, mdp.true.mean(axis=1)).T
 
@@ -293,6 +308,7 @@ REWARDS: dict[str, Callable[[RewardMdp], Array]] = {
     "reward negated": lambda mdp: -mdp.true,
     "reward before": _step_before,
     "reward after": _step_after,
+    "observation overwritten": _arriving,
     "action unseen": _action_mean,
     "state unseen": _state_mean,
     "rewards clipped": lambda mdp: mdp.changed("clipped"),

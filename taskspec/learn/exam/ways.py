@@ -5,7 +5,7 @@ The symbols of this file are in `taskspec.learn.exam.dynamics`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
-from taskspec.learn.exam.operators import OPERATORS, BellmanOperator
+from taskspec.learn.exam.operators import GOOD, OPERATORS, BellmanOperator
 
 EXPLORATIONS = (0.1, 0.2, 0.4)
 """The shares of random actions of learners that act greedily otherwise."""
@@ -153,14 +153,29 @@ def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
     return _ways(dynamics, [_Actor((1 - share) * pi + share / len(pi)) for share in EARLIER], is_critic=True)
 
 
+def rights_of(ways: Mapping[str, Sequence[Way]]) -> list[Way]:
+    """Return the right way beside each way of an operator, in their order."""
+    return [*ways["right"], *ways.get("on policy", ())]
+
+
 def _ways(dynamics: Dynamics, acts: Sequence[Acts], is_critic: bool) -> dict[str, list[Way]]:
+    """Return the ways of all operators; of Q-values, those of the best action, then those of what the learner does."""
     kind = "values" if is_critic else "q"
     modes = (True, False) if is_critic else (True,)
-    return {
-        name: [way(dynamics, operator, each, is_critic, by_visits) for each in acts for by_visits in modes]
-        for name, operator in OPERATORS.items()
-        if operator.of in (None, kind) and operator.recognise is None
-    }
+    ways = {}
+    for name, operator in OPERATORS.items():
+        if operator.of not in (None, kind) or operator.recognise is not None:
+            continue
+        variants = [operator]
+        if not is_critic and name not in GOOD and operator.reduce is None:
+            variants.append(replace(operator, reduce=OPERATORS["on policy"].reduce))
+        ways[name] = [
+            way(dynamics, variant, each, is_critic, by_visits)
+            for variant in variants
+            for each in acts
+            for by_visits in modes
+        ]
+    return ways
 
 
 @dataclass(frozen=True, eq=False)
