@@ -189,6 +189,14 @@ def _grows() -> Evidence:
     return _compared(task, "grows", q_values(task, "right"), Q, after=after)
 
 
+def _scaled() -> Evidence:
+    task = _probe("SecondThought")
+    right = q_values(task, "right")
+    assert right is not None
+    after = "Rewards were multiplied by 1/10. The best actions stay what they are."
+    return _compared(task, "rewards scaled", right, right / 10, after=after)
+
+
 def _one_outcome() -> Evidence:
     task = _probe("CoinToss")
     dynamics = dynamics_of(task, GAMMA)
@@ -205,7 +213,9 @@ def _one_outcome() -> Evidence:
     return Evidence(task, about, _header(right, "one outcome"), rows, after)
 
 
-PATTERNS = {"untrained": _untrained, "one pair": _one_pair, "grows": _grows, "one outcome": _one_outcome}
+PATTERNS = {
+    "untrained": _untrained, "one pair": _one_pair, "grows": _grows, "rewards scaled": _scaled, "one outcome": _one_outcome,
+}  # fmt: skip
 
 
 # -- learned rewards

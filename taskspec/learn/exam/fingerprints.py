@@ -26,7 +26,7 @@ from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
 from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
-from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, rights_of
+from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, on_policy_ways
 
 
 def fingerprint(
@@ -60,35 +60,41 @@ def fingerprint(
     if values is None:
         learned = rows.read(q, model.n_actions).T
         dynamics = replace(dynamics, initial=_initial(learned, dynamics))
-        ways = greedy_ways(task, dynamics.gamma, dynamics.initial)
+        greedy = greedy_ways(task, dynamics.gamma, dynamics.initial)
+        on_policy = on_policy_ways(task, dynamics.gamma, dynamics.initial)
+        ways = {name: [*known, *on_policy.get(name, ())] for name, known in greedy.items()}
+        rights = [*ways["right"], *ways["on policy"]]
         kind = "q"
     else:
         kind = "values"
         learned = rows.read(values, None)
         pi = rows.read(policy, model.n_actions).T
         ways = actor_ways(dynamics, pi)
+        rights = ways["right"]
     behaviour = Behaviour(dynamics, pi)
     weights = behaviour.total / behaviour.total.sum()
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
-    right, *_ = ways["right"]
+    right = rights[0]
     if not right.settles:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
-    rights = [each.fixed_point for each in rights_of(ways)]
     has_moved = np.ptp(learned[..., dynamics.acted]) > MOVED * np.ptp(right.fixed_point[..., dynamics.acted])
-    found = _distances(learned, ways, weights, has_moved)
+    found = _distances(learned, ways, rights, weights, has_moved)
     for name, operator in OPERATORS.items():
         if operator.recognise is not None and operator.of in (None, kind):
-            fit = operator.recognise(dynamics, learned, rights)
+            fit = operator.recognise(dynamics, learned, [each.fixed_point for each in rights])
             if fit is not None:
                 found[name] = fit
     return found
 
 
-def _distances(learned: Array, ways: Mapping[str, Sequence[Way]], weights: Array, has_moved: bool) -> dict[str, Fit]:
+def _distances(
+    learned: Array, ways: Mapping[str, Sequence[Way]], rights: Sequence[Way], weights: Array, has_moved: bool
+) -> dict[str, Fit]:
     """Return the distances of all operators that have a fixed point, other than the right one.
 
     Args:
+        rights: the right way beside each way of a mistake.
         has_moved: whether anything was learned; else the begin of the way to right values is no explanation.
     """
 
@@ -102,7 +108,7 @@ def _distances(learned: Array, ways: Mapping[str, Sequence[Way]], weights: Array
     found = {"right": Fit(min(1.0, of_right / scale), 0)}
     for name, known in ways.items():
         fits = []
-        for each, right in zip(known, rights_of(ways), strict=False):
+        for each, right in zip(known, rights, strict=False):
             if not each.settles:
                 continue
             if name in GOOD:

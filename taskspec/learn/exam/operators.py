@@ -27,6 +27,10 @@ MOVED = 0.1
 """Values that differ by more than this share of what they should have moved."""
 BEYOND = 10
 """Values that are so many times larger than the most that can be earned have grown; a few rewards too many are not enough."""
+FRESH = 0.3
+"""The size of the values of a network before anything is learned, at most."""
+FAR = 5
+"""Right values that are so many times larger than this are too far to be taken for fresh ones."""
 SCALED = 1.5
 """Values are taken for a multiple of right ones from this factor on."""
 FEWEST = 3
@@ -257,12 +261,18 @@ def _one_pair(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | Non
 
 
 def _untrained(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
-    right = rights[0]
-    size = float(np.ptp(right[..., s.acted]))
-    if size <= APART * np.abs(right).max():
+    """Compare values with those of a fresh network: small, and without a likeness to right ones."""
+    right = rights[0][..., s.acted]
+    squared = float((right**2).sum())
+    if squared == 0:
         return None
-    moved = float(np.ptp(learned[..., s.acted])) / size
-    return Fit(min(1.0, moved / MOVED), learned[..., s.acted].size)
+    values = learned[..., s.acted] - s.initial
+    likeness = float((values * right).sum()) / squared
+    if np.sqrt((values**2).mean()) > FRESH or likeness > 0.5:
+        return Fit(1.0, values.size)
+    if values.any() and np.sqrt((right**2).mean()) < FAR * FRESH:
+        return None
+    return Fit(abs(likeness), values.size)
 
 
 def _one_outcome(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
@@ -341,7 +351,7 @@ OPERATORS = {
     "advantages": BellmanOperator(backup=_advantages, of="values"),
     "grows": BellmanOperator(recognise=_grows, vague=True),
     "one pair": BellmanOperator(of="q", recognise=_one_pair, free=1),
-    "untrained": BellmanOperator(recognise=_untrained, free=1),
+    "untrained": BellmanOperator(recognise=_untrained, free=1, vague=True),
     "one outcome": BellmanOperator(of="q", recognise=_one_outcome, varies=True),
 }
 """Operators by the name of the mistake that makes a learner apply them; the right one first."""

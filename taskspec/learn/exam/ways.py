@@ -5,9 +5,10 @@ The symbols of this file are in `taskspec.learn.exam.dynamics`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
@@ -144,38 +145,43 @@ def reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: 
 def greedy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
     """Return the ways of learners that act greedily, with several shares of random actions, by operator."""
     dynamics = replace(dynamics_of(task, gamma), initial=initial)
-    acts = [EpsilonGreedy(exploration) for exploration in EXPLORATIONS]
-    return _ways(dynamics, acts, is_critic=False)
+    return {name: _explored(dynamics, operator) for name, operator in _operators("q").items()}
+
+
+@lru_cache(maxsize=64)
+def on_policy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
+    """Return the same of learners that value what they do, exploration included, where a mistake leaves that open."""
+    dynamics = replace(dynamics_of(task, gamma), initial=initial)
+    ways = {}
+    for name, operator in _operators("q").items():
+        if name not in GOOD and operator.reduce is None:
+            ways[name] = _explored(dynamics, replace(operator, reduce=OPERATORS["on policy"].reduce))
+    return ways
+
+
+def _explored(dynamics: Dynamics, operator: BellmanOperator) -> list[Way]:
+    return [way(dynamics, operator, EpsilonGreedy(share), is_critic=False, by_visits=True) for share in EXPLORATIONS]
 
 
 def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
     """Return the ways of critics of an actor with a policy (A, S), by operator."""
-    return _ways(dynamics, [_Actor((1 - share) * pi + share / len(pi)) for share in EARLIER], is_critic=True)
-
-
-def rights_of(ways: Mapping[str, Sequence[Way]]) -> list[Way]:
-    """Return the right way beside each way of an operator, in their order."""
-    return [*ways["right"], *ways.get("on policy", ())]
-
-
-def _ways(dynamics: Dynamics, acts: Sequence[Acts], is_critic: bool) -> dict[str, list[Way]]:
-    """Return the ways of all operators; of Q-values, those of the best action, then those of what the learner does."""
-    kind = "values" if is_critic else "q"
-    modes = (True, False) if is_critic else (True,)
-    ways = {}
-    for name, operator in OPERATORS.items():
-        if operator.of not in (None, kind) or operator.recognise is not None:
-            continue
-        variants = [operator]
-        if not is_critic and name not in GOOD and operator.reduce is None:
-            variants.append(replace(operator, reduce=OPERATORS["on policy"].reduce))
-        ways[name] = [
-            way(dynamics, variant, each, is_critic, by_visits)
-            for variant in variants
-            for each in acts
-            for by_visits in modes
-        ]
+    ways: dict[str, list[Way]] = {}
+    for name, operator in _operators("values").items():
+        ways[name] = []
+        for share in EARLIER:
+            acts = _Actor((1 - share) * pi + share / len(pi))
+            for by_visits in (True, False):
+                ways[name].append(way(dynamics, operator, acts, is_critic=True, by_visits=by_visits))
     return ways
+
+
+def _operators(kind: Literal["q", "values"]) -> dict[str, BellmanOperator]:
+    """Return the operators that have a fixed point, for Q-values, or for the values of a critic."""
+    return {
+        name: operator
+        for name, operator in OPERATORS.items()
+        if operator.of in (None, kind) and operator.recognise is None
+    }
 
 
 @dataclass(frozen=True, eq=False)
