@@ -157,20 +157,21 @@ class _Pooled:
         """Return whether a mistake explains all runs, and what is right does not.
 
         Tasks that both explain tell nothing. On tasks that neither explains the values are not finished: fewer than those that
-        the mistake fits.
+        the mistake fits; one on which it is far worse than what is right counts as two.
         """
         fitted = []
-        unfinished = []
+        unfinished = 0
         for task in self.tasks(name):
             distance = self.medians[task][name]
             of_good = self.of_good(task)
+            is_far_worse = distance > 2 * of_good + WORSE
             if distance <= NEAR and distance <= CLEARER * of_good and of_good - distance >= SAME:
                 fitted.append(task)
             elif of_good > NEAR:
-                unfinished.append(task)
-            elif distance > 2 * of_good + WORSE:
+                unfinished += 1 + is_far_worse
+            elif is_far_worse:
                 return False
-        if len(fitted) <= len(unfinished):
+        if len(fitted) <= unfinished:
             return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
         if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:

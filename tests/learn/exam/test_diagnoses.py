@@ -38,14 +38,17 @@ HIDDEN = ("LookAlikes", "Votes")
 GAMMAS = (0.9, 0.95, 0.99)
 TOLD = {
     "ends ignored": "past_ends", "next episode": "past_ends", "flags exchanged": "past_ends",
-    "reset at the end": "past_ends", "rewards centred": "past_ends",
+    "reset at the end": "past_ends", "rewards centred": "past_ends", "rewards standardised": "past_ends",
     "limit is an end": "limit_ends", "reset at the limit": "limit_ends",
     "immediate reward": "one_step", "mask inverted": "one_step", "same state": "one_step",
-    "rewards clipped": "sizes_unseen", "signs of rewards": "sizes_unseen",
+    "rewards clipped": "sizes_unseen", "signs of rewards": "sizes_unseen", "rewards squashed": "sizes_unseen",
+    "soft maximum": "lengths",
     "reward before": "off_by_one", "reward after": "off_by_one",
     "reward negated": "reversed",
 }  # fmt: skip
 """The diagnosis of each operator that has one."""
+SELDOM = ("rewards squashed",)
+"""Operators that have it at some discounts alone."""
 
 
 def told(by_task: dict[str, float], learns_from: str = "reward", **others: Any) -> list[str]:
@@ -76,7 +79,7 @@ def exact_scores(gamma: float) -> dict[str, dict[str, float]]:
 def test_each_rule_is_told_for_its_own_mistakes_and_no_other(gamma: float) -> None:
     for name, by_task in exact_scores(gamma).items():
         expected = [TOLD[name]] if name in TOLD else []
-        assert told(by_task) == expected, name
+        assert told(by_task) == expected or (name in SELDOM and not told(by_task)), name
 
 
 def test_the_mistakes_of_the_rules_are_those_of_the_table() -> None:
