@@ -164,13 +164,14 @@ def _explored(dynamics: Dynamics, operator: BellmanOperator) -> list[Way]:
 
 
 def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
-    """Return the ways of critics of an actor with a policy (A, S), by operator."""
+    """Return the ways of critics of an actor with a policy (A, S), by operator; of mistakes, those that end soonest."""
     ways: dict[str, list[Way]] = {}
     for name, operator in _operators("values").items():
+        modes = (False, True) if name in GOOD else (False,)
         ways[name] = []
-        for share in EARLIER:
-            acts = _Actor((1 - share) * pi + share / len(pi))
-            for by_visits in (True, False):
+        for by_visits in modes:
+            for share in EARLIER:
+                acts = _Actor((1 - share) * pi + share / len(pi))
                 ways[name].append(way(dynamics, operator, acts, is_critic=True, by_visits=by_visits))
     return ways
 
