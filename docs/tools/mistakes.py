@@ -34,11 +34,19 @@ def index() -> str:
     rows = []
     for name in NAMES:
         mistake = MISTAKES[name]
-        text = f"a learner {mistake.what}"
+        text = _action(mistake.what)
         if mistake.reported:
             text += f" ({len(mistake.reported)})"
         rows.append((name, text))
     return filled(FOLDER.with_suffix(".md"), {"mistakes": entries(rows)})
+
+
+def _action(what: str) -> str:
+    """Return the words that follow "a learner" as a sentence about it."""
+    for relative, subject in (("that ", ""), ("for which ", ""), ("whose ", "its ")):
+        if what.startswith(relative):
+            return subject + what.removeprefix(relative)
+    return what
 
 
 def linked(text: str) -> str:

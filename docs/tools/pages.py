@@ -6,7 +6,7 @@ the page. Outputs of examples are those that the pages have already; `tests/docs
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from docs.tools import commands, functions
@@ -18,9 +18,6 @@ from docs.tools.probes import probes
 from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.language.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.language.modifiers.entry import never
-from taskspec.learn.exam.operators import OPERATORS
-from taskspec.learn.exam.pairings import PAIRINGS
-from taskspec.learn.exam.starc import REWARDS
 
 DOCS = Path(__file__).parents[1]
 
@@ -34,12 +31,6 @@ def difficulty() -> str:
             sources.setdefault(measure.source, []).append(code(measure.name))
     cited = entries((", ".join(names), source) for source, names in sources.items())
     return filled(DOCS / "explain/difficulty.md", {"measures": measures, "sources": cited})
-
-
-def learned() -> str:
-    """Return the page of what was learned, with the names of the mistakes that it shows."""
-    tables: dict[str, Iterable[str]] = {"operators": OPERATORS, "rewards": REWARDS, "pairings": PAIRINGS}
-    return filled(DOCS / "explain/learned.md", {kind: ", ".join(names) for kind, names in tables.items()})
 
 
 def modifiers() -> str:
@@ -87,7 +78,6 @@ def _keeps(entry: ModifierEntry) -> str:
 
 PAGES = {
     "explain/difficulty": difficulty,
-    "explain/learned": learned,
     "explain/probes": probes,
     "reference/commands": commands.overview,
     "reference/functions": functions.overview,
