@@ -11,7 +11,6 @@ from markupsafe import Markup
 from taskspec.base.display import duration, listed, visible_json
 from taskspec.base.files import write_text
 from taskspec.base.terminal import Columns, VisibleText
-from taskspec.exact.rules.score_rules import short_name
 from taskspec.learn.exam.findings import SLACK, FindingResult, FindingsResult, Outcome
 from taskspec.learn.exam.results import Exam
 from taskspec.show.figures import chart
@@ -207,7 +206,6 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
-    lines += [f"tasks: {', '.join(map(short_name, exam['tasks']))}" for exam in exams]
     lines += _commands(exams)
     lines += [f"with {_listed(exam['versions'])}" for exam in exams]
     lines += [f"on {_listed(exam['machine'])}" for exam in exams]
