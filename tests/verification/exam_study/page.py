@@ -18,19 +18,18 @@ NAMES = {
 TEXT = """\
 # Which mistakes the exam notices
 
-Typical mistakes in learners, one at a time: small learners of our own, and those of Stable-Baselines3 and imitation. Each is
+Typical mistakes, one at a time, in small learners of our own and in those of Stable-Baselines3 and imitation. Each is
 [examined](exam.md) on finite tasks of DERAIL and on the probes, against stored results of the right version, on {seeds} new
 seeds; learners of libraries on three or four probes alone.
 
-Commit 6d3c8c89 made these results. Since then a mistake is named only if [everything speaks for it](learned.md), so that fewer
-are named, rightly and wrongly: [how often the exam is wrong](calibration.md).
+Commit 6d3c8c89 made these results. Later versions [name fewer mistakes](calibration.md), rightly and wrongly.
 
 | | first mistakes | new mistakes | all |
 |---|---|---|---|
 {summary}
 
 The probes were made before the new mistakes were written; some operators of [learned values](learned.md), pairings of policies
-and two diagnoses afterwards. So the rows about causes are about known mistakes.
+and two diagnoses afterwards.
 
 {right}
 
@@ -39,7 +38,7 @@ and two diagnoses afterwards. So the rows about causes are about known mistakes.
 - values: other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon
 - fingerprints: learned values, rewards or policies that a known mistake explains, without a right version
 
-`python -m tests.verification.exam_study` does it again. The lists have mistakes that no score shows and whose cause is not named,
+The lists have mistakes that no score shows and whose cause is not named,
 and those that are named wrongly; o, p, v and f are the parts that flag them. A dash says why none is named.
 """
 
