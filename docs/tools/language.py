@@ -231,9 +231,7 @@ def _probe_spaces(changes: dict[str, Any]) -> tuple[str, str]:
 
 
 def _limits() -> str:
-    named = [(code(row.name), f"{row.value:,} {row.what}") for row in limits.table() if not row.fixed]
-    fixed = [f"{row.what}: {row.value:,}" for row in limits.table() if row.fixed]
-    return entries([*named, ("fixed", "; ".join(fixed))])
+    return entries((code(row.name), f"{row.value:,} {row.what}") for row in limits.table() if not row.fixed)
 
 
 def _words(name: str) -> str:
