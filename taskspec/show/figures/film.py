@@ -15,7 +15,6 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exact.policies.policy import EpisodeBatch, named
 from taskspec.exact.rollout.rollout import Rollout
-from taskspec.language.expressions.types import Kind
 from taskspec.language.printers import tree as m
 from taskspec.language.task.parts import Component
 from taskspec.language.task.task import Task
@@ -100,8 +99,6 @@ def _value(c: Component, value: Any) -> str:
     flat = np.asarray(value).reshape(-1).tolist()
     if c.domain is not None:
         return ", ".join(c.domain.labels[int(x)].replace("_", " ") for x in flat)
-    if c.type.kind is Kind.BOOL:
-        return ", ".join(f"{c.name} = {'yes' if x else 'no'}" for x in flat)
     numbers = ", ".join(number(float(x), 3) for x in flat)
     if c.type.is_scalar:
         return f"{c.name} = {numbers}"

@@ -23,7 +23,7 @@ from taskspec.language.task.questions import reads_time
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.states import at_states, figure_of, reads_of
+from taskspec.show.figures.states import as_printed, at_states, figure_of, reads_of
 
 MAX_STATES = 1500
 MAX_TRANSITIONS = 20_000
@@ -74,11 +74,11 @@ class Machine:
         return of_task(self.task)
 
     def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
-        """Return the values of some components: labels by their symbols, numbers as digits."""
+        """Return the values of some components: labels by their symbols, numbers and conditions as digits."""
         values = space.values_of(code)
         parts: list[m.Math] = []
         for c in components:
-            written = str(values[c.name])
+            written = str(as_printed(c, values[c.name]))
             if c.domain is not None and not c.type.shape:
                 parts.append(self.notation.labels[c.name][written])
             else:

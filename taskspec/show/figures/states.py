@@ -37,6 +37,13 @@ def at_states(task: Task, node: Expression, reads: Reads, count: int = 1) -> Arr
     return np.moveaxis(np.broadcast_to(values, (*values.shape[:-1], count)), -1, 0)
 
 
+def as_printed(component: Component, value: Any) -> Any:
+    """Return a value of a component as pages print it: conditions as 0 and 1."""
+    if component.type.kind is Kind.BOOL:
+        return np.asarray(value).astype(int)
+    return value
+
+
 def figure_of(task: Task) -> Figure:
     """Return what the spec says of its figure, which may be nothing."""
     return task.annotations.figure or Figure(DEFAULT)
@@ -146,6 +153,7 @@ def observed(task: Task) -> Iterator[Item]:
 
 def _word(component: Component, flat: Flat) -> str:
     (value,) = flat
+    value = as_printed(component, value)
     if component.domain is not None:
         return component.domain.labels[int(value)]
     if isinstance(value, float):
@@ -172,7 +180,7 @@ def state_table(task: Task, state: State) -> Scene:
     notation = of_task(task)
     items: list[Item] = [Box((0.0, 0.0), TABLE_WIDTH, 0.1, None, None)]  # all frames of an episode have one size
     for i, c in enumerate(task.state):
-        value = state[c.name]
+        value = as_printed(c, state[c.name])
         if c.domain is not None and not isinstance(value, str) and np.ndim(value) == 0:
             value = c.domain.labels[int(value)]
         flat = np.asarray(value).reshape(-1).tolist()

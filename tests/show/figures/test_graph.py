@@ -112,3 +112,18 @@ def test_tables_frame_where_chosen_actions_lead_and_shade_visits() -> None:
     }
     assert not overlapping(laid)
     assert not outside(laid)
+
+
+def test_conditions_are_labelled_as_pages_print_them() -> None:
+    text = """
+taskspec: 1
+name: Lamp
+state: {on: {type: bool}}
+action: {press: {type: bool}}
+horizon: 4
+initial: {on: false}
+dynamics: {on': not on if press else on}
+reward: on
+figure: {kind: graph}
+"""
+    assert set(labels(drawn(build(read_text(text, "lamp.yaml"))))) >= {"0", "1"}
