@@ -166,6 +166,9 @@ def test_exact_returns_over_a_parameter(studio: Page) -> None:
     panel.get_by_label("values").press("Enter")
     expect(panel.locator("tbody tr")).to_have_count(3)
     assert panel.locator("tbody tr").all_inner_texts()[0].split()[:2] == ["3", "8"]  # 2 steps to the centre, 9 in all
+    random = panel.locator("tbody tr").first.locator("td").nth(2).locator("span")
+    exact = random.get_attribute("title")
+    assert len(exact) > 6 and random.inner_text() == f"{float(exact):.3g}"
 
 
 def test_a_save_is_refused_after_the_file_was_changed_outside(studio: Page) -> None:

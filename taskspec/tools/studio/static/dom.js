@@ -63,6 +63,14 @@ export function short(number) {
   return number === null ? "–" : String(Number(number.toPrecision(5))).replace("-", "−");
 }
 
+/** Return a result to three significant digits, or to a whole number; the exact one is its tooltip. */
+export function rounded(number) {
+  if (number === null) return "–";
+  const kept = Math.abs(number) < 100 ? Number(number.toPrecision(3)) : Math.round(number);
+  const [text, exact] = [kept, number].map((each) => String(each).replace("-", "−"));
+  return text === exact ? text : make("span", { title: exact }, text);
+}
+
 /** Milliseconds after which what is no longer true is greyed, and an empty part says that it is being worked out. */
 const LATE = 150;
 

@@ -1,6 +1,6 @@
 // The tab Sweep: exact returns over the values of a parameter.
 
-import { Part, labelled, make, picture, short, table } from "./dom.js";
+import { Part, labelled, make, picture, rounded, short, table } from "./dom.js";
 
 const CURVES = ["optimal", "expert", "random", "worst"];
 
@@ -36,7 +36,7 @@ export class SweepTab {
   /** Show the values that are known, and ask again while there are others. */
   drawn({ chart, parameter, rows, left }) {
     if (left.length) this.ask();
-    const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null)));
+    const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => rounded(row[curve] ?? null)));
     const values = rows.map((row) => [short(row.value), ...cells(row)]);
     return [...picture(chart), table("Returns", [parameter, ...CURVES], values)];
   }

@@ -1,6 +1,6 @@
 // The tab Values: values and a policy over states and time.
 
-import { Part, choice, labelled, make, picture, quiet, short, table } from "./dom.js";
+import { Part, choice, labelled, make, picture, quiet, rounded, short, table } from "./dom.js";
 
 const PLANS = [
   ["optimal", "optimal"], ["soft", "soft"], ["maxent", "maximum entropy"], ["random", "random"], ["expert", "expert"],
@@ -44,7 +44,7 @@ export class ValuesTab {
     this.clock.textContent = horizon === null ? "without a horizon" : `${time} of ${horizon}`;
     this.states = new Map(states.map((state) => [String(state.code), state]));
     const rows = states.map((state) => [
-      this.named(state), short(state.value), short(state.visits), ...actions.map((_, a) => this.action(state, a)),
+      this.named(state), rounded(state.value), rounded(state.visits), ...actions.map((_, a) => this.action(state, a)),
     ]);
     const note = quiet("Under the name of an action: its Q-value, and its probability as a bar.");
     const rest = more ? [quiet(`${more} more states`)] : [];
@@ -59,7 +59,7 @@ export class ValuesTab {
   action({ q, policy }, a) {
     const bar = make("span", { class: "share" });
     bar.style.width = `${100 * policy[a]}%`;
-    return make("span", { class: "choice", title: `probability ${short(policy[a])}` }, short(q[a]), bar);
+    return make("span", { class: "choice", title: `probability ${short(policy[a])}` }, rounded(q[a]), bar);
   }
 
   /** Mark the lines of the spec that speak of the state that is pointed at. */
