@@ -55,3 +55,9 @@ def test_what_needs_a_missing_package_names_the_command_that_installs_it(
     said = done.stdout + done.stderr
     assert "Traceback" not in said
     assert "E705" in said and f'pip install -e "{ROOT}[{extra}]"' in said
+
+
+def test_an_exam_does_not_begin_without_the_packages_of_its_learner(tmp_path: Path) -> None:
+    done = program(WITHOUT, tmp_path, "optax", "command('exam', 'bc', '--tasks', 'RiskyPath', '--seeds', '1')")
+    assert "E705" in done.stderr and "trial" not in done.stdout + done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -66,7 +66,8 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         learns_from: what it is granted, in place of what it says itself.
 
     Raises:
-        SpecError: E710, E711 for a file that is not there, or fails; E725 for what is no learner.
+        SpecError: E705 where packages of a learner are missing; E710, E711 for a file that is not there, or fails; E725 for what
+            is no learner.
     """
     if isinstance(given, str):
         name = given
@@ -113,6 +114,7 @@ def _imported(place: str) -> tuple[Any, str]:
         return function_of(place, "(case)"), code_hash(file, name)
     if _is_ours(place):
         ours = learner(place)
+        ours.require_packages()
         return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
     module, _, name = place.partition(":")
     path = _file_of(place)

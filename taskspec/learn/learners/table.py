@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any, ClassVar, Literal
 
+from taskspec.base.extras import install, is_installed, missing
 from taskspec.learn.learners.interface import LearnerCase
 
 Activation = Literal["relu", "tanh"]
@@ -272,6 +273,9 @@ class Matching:
 
 # -- entries ------------------------------------------------------------------------------------------------------
 
+PACKAGES = ("jax", "optax")
+"""The packages of learners with nets."""
+
 
 @dataclass(frozen=True)
 class Learner:
@@ -293,6 +297,17 @@ class Learner:
     trainer: str
     summary: str = field(repr=False)
     together: ClassVar[bool] = True
+
+    def require_packages(self) -> None:
+        """Check that its packages are installed, without importing them.
+
+        Raises:
+            SpecError: E705 for the first that is not.
+        """
+        if ".deep." in self.trainer:
+            for package in PACKAGES:
+                if not is_installed(package):
+                    raise missing(package, install("learners"), "a learner")
 
     def __call__(self, case: LearnerCase) -> list[Any]:
         """Train.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskspec.base.extras import need
+from taskspec.learn.learners.table import PACKAGES
 
-need("jax", "learners", "a learner")
-need("optax", "learners", "a learner")
+for _package in PACKAGES:
+    need(_package, "learners", "a learner")
