@@ -11,7 +11,7 @@ from taskspec.base.terminal import console
 from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
 from tests.benchmarks import peers, printed
-from tests.benchmarks.race import Contestant, Rate, ours, race
+from tests.benchmarks.race import Contestant, Rate, ours, rates
 from tests.benchmarks.tables import CHOSEN, SUITE
 from tests.shared.specs import spec_file
 
@@ -23,16 +23,16 @@ def bench(lanes: Sequence[int], rounds: int, seconds: float, json: bool) -> None
     import jax
 
     device = jax.devices()[0].device_kind
-    rates: list[Rate] = []
+    measured: list[Rate] = []
     missing: dict[str, str] = {}
     for group in _groups(lanes):
         say(group[0].task, err=True)
-        rates += _raced(group, rounds, seconds, missing)
+        measured += _raced(group, rounds, seconds, missing)
     if json:
-        results = [rate.data() for rate in rates]
+        results = [rate.data() for rate in measured]
         write_json({"machine": machine(), "device": device, "rounds": rounds, "results": results, "missing": missing})
         return
-    console(wide=True).print(printed.sections(rates))
+    console(wide=True).print(printed.sections(measured))
     for name, why in missing.items():
         say(f"{name}: not measured ({why})")
     packages = {"python", "numpy", "jax", "gymnax"}
@@ -56,8 +56,7 @@ def _groups(lanes: Sequence[int]) -> list[list[Contestant]]:
 
 def _raced(group: Sequence[Contestant], rounds: int, seconds: float, missing: dict[str, str]) -> list[Rate]:
     """Return the rates of those in a group that fit into the memory of the device."""
-    ready = []
-    drives: list[Any] = []
+    ready: list[tuple[Contestant, Any]] = []
     for contestant in group:
         try:
             drive = contestant.make()
@@ -66,7 +65,5 @@ def _raced(group: Sequence[Contestant], rounds: int, seconds: float, missing: di
             label = f"{contestant.task} on {contestant.program}, {contestant.lanes:,} lanes"
             missing[label] = str(error).partition("\n")[0]
             continue
-        ready.append(contestant)
-        drives.append(drive)
-    measured = race(drives, rounds, seconds, time.perf_counter)
-    return [Rate(contestant, rounds_of) for contestant, rounds_of in zip(ready, measured, strict=True)]
+        ready.append((contestant, drive))
+    return rates(ready, rounds, seconds, time.perf_counter)

@@ -35,6 +35,7 @@ from taskspec.exact.solve.solve import Solvers
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.benchmarks.limit import copying
 from tests.shared.solved import optimal_return
 
 SPEC = """
@@ -357,12 +358,11 @@ def _limit(timing: Timing) -> float:
     """Seconds in which as many bytes are copied as sweeps over all of the model move, on one core."""
     rows = 4 * timing.states
     moved = ENTRY * timing.transitions + ROW * rows + STATE * timing.states
-    source = np.ones(moved // 16)  # half of the bytes are read, and half are written
-    target = np.zeros_like(source)
+    copy = copying(moved)
     seconds = []
     for _ in range(5):
         start = time.perf_counter()
-        np.copyto(target, source)
+        copy()
         seconds.append(time.perf_counter() - start)
     return min(seconds) * timing.grid.steps
 

@@ -41,32 +41,34 @@ class Progress:
 
 
 def matrix(rates: Sequence[Rate]) -> Any:
-    """Million steps per second: a row for each task, a column for each program and number of lanes."""
+    """Million steps per second, a column for each program and number of lanes; below each task, what the limits are."""
     places = list(dict.fromkeys((r.contestant.program, r.contestant.lanes) for r in rates))
     headers = [f"{short(program)}\n{lanes}" for program, lanes in places]
     table = Columns("million steps/s\nlanes", *headers, "\n±", right=range(1, len(places) + 2))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         found = {(r.contestant.program, r.contestant.lanes): r for r in mine}
-        table.add_row(
-            VisibleText(task, style="name"), *(cell(found.get(place)) for place in places), widest(found.values())
-        )
+        here = [found.get(place) for place in places]
+        table.add_row(VisibleText(task, style="name"), *map(cell, here), widest(found.values()))
+        if any(r.limits for r in found.values()):
+            table.add_row("  limit", *map(limit_cell, here), "")
+            table.add_row("  of limit", *map(share_cell, here), "")
     return table
 
 
 def sections(rates: Sequence[Rate]) -> Any:
-    """Million steps per second: a heading for each task, a row for each program, a column for each number of lanes."""
-    lanes = sorted({r.contestant.lanes for r in rates})
+    """Million steps per second: a heading for each task, a row for each program and number of lanes."""
     beside = any(r.contestant.rival for r in rates)
-    headers = ("million steps/s", *map(str, lanes), "±", *(["ours ÷ this"] if beside else []))
-    table = Columns(*headers, right=range(1, len(lanes) + 2))
+    headers = ("million steps/s", "lanes", "", "±", "limit", "of it", *(["ours ÷ this"] if beside else []))
+    table = Columns(*headers, right=range(1, 6))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         group = list(mine)
         table.add_row(VisibleText(task, style="name"))
-        for program in dict.fromkeys(r.contestant.program for r in group):
-            found = {r.contestant.lanes: r for r in group if r.contestant.program == program}
-            cells = [cell(found.get(n)) for n in lanes]
-            words = [_ratios(found.values(), group)] if beside else []
-            table.add_row(f"  {program}", *cells, widest(found.values()), *words)
+        for r in group:
+            c = r.contestant
+            words = [_ratio(r, group)] if beside else []
+            table.add_row(
+                f"  {c.program}", f"{c.lanes:,}", cell(r), percent(r.spread), limit_cell(r), share_cell(r), *words
+            )
     return table
 
 
@@ -80,6 +82,20 @@ def cell(rate: Rate | None) -> Any:
         return ""
     text = millions(rate.median)
     return text if rate.met else VisibleText(f"✗{text}", style="bad")
+
+
+def limit_cell(rate: Rate | None) -> str:
+    """The limit of a rate in million steps per second."""
+    if rate is None or rate.limit is None:
+        return ""
+    return millions(rate.limit)
+
+
+def share_cell(rate: Rate | None) -> str:
+    """A rate as a share of its limit: tenths of percent of small ones."""
+    if rate is None or rate.of_limit is None:
+        return ""
+    return f"{100 * rate.of_limit:.{0 if rate.of_limit >= 0.1 else 1}f}%"
 
 
 def millions(steps_per_second: float) -> str:
@@ -108,10 +124,12 @@ def ratio_of(rate: Rate, rates: Iterable[Rate]) -> tuple[str, float] | None:
     return None
 
 
-def _ratios(rates: Iterable[Rate], group: Sequence[Rate]) -> str:
-    found = [each for r in rates if (each := ratio_of(r, group))]
-    words = " ".join(f"{ratio:,.{1 if ratio < 100 else 0}f}×" for _, ratio in found)
-    return f"{words} on {found[0][0]}" if found else ""
+def _ratio(rate: Rate, group: Sequence[Rate]) -> str:
+    found = ratio_of(rate, group)
+    if found is None:
+        return ""
+    program, ratio = found
+    return f"{ratio:,.{1 if ratio < 100 else 0}f}× on {program}"
 
 
 def starts(found: Sequence[Start], memories: Sequence[MemoryUse]) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 from taskspec.envs.env import Environment
 from taskspec.envs.speed import Clock, Drive, passes_in, rate, scalar, vector
 from taskspec.language.task.task import Task
+from tests.benchmarks.limit import limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,7 @@ class Contestant:
         make: gets it ready, compiled and warm.
         target: steps per second that it has to reach.
         rival: the program of ours to compare it with, where it steps the same task.
+        limit: what no program of this task can exceed; None where that is not known.
     """
 
     task: str
@@ -32,14 +34,16 @@ class Contestant:
     make: Callable[[], Drive] = field(compare=False)
     target: float | None = None
     rival: str | None = None
+    limit: Callable[[], Drive] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Steps per second of a contestant, round by round."""
+    """Steps per second of a contestant, round by round, and those of its limit, where that is known."""
 
     contestant: Contestant
     rounds: tuple[float, ...]
+    limits: tuple[float, ...] | None = None
 
     @property
     def median(self) -> float:
@@ -48,6 +52,17 @@ class Rate:
     @property
     def spread(self) -> float | None:
         return spread(self.rounds)
+
+    @property
+    def limit(self) -> float | None:
+        return None if self.limits is None else statistics.median(self.limits)
+
+    @property
+    def of_limit(self) -> float | None:
+        """The rate as a share of its limit."""
+        if self.limits is None:
+            return None
+        return statistics.median(a / b for a, b in zip(self.rounds, self.limits, strict=True))
 
     @property
     def met(self) -> bool:
@@ -65,6 +80,8 @@ class Rate:
             "rounds": list(self.rounds),
             "target": c.target,
             "met": self.met,
+            "limit": self.limit,
+            "of_limit": self.of_limit,
         }
 
 
@@ -104,7 +121,7 @@ def ours(
             case backend:
                 return vector(task, backend, lanes, num_threads)
 
-    return Contestant(name or label(task), program, lanes, make, target)
+    return Contestant(name or label(task), program, lanes, make, target, limit=lambda: limit(task, program, lanes))
 
 
 def jax_device(programs: Iterable[str]) -> str | None:
@@ -124,6 +141,20 @@ def clock_for(device: str | None, num_threads: int = 1) -> tuple[str, Clock]:
     if num_threads > 1 or device not in (None, "cpu"):
         return "wall", time.perf_counter
     return "processor", time.process_time
+
+
+def rates(
+    ready: Sequence[tuple[Contestant, Drive]], rounds: int, seconds: float, clock: Clock,
+    tick: Callable[[], None] = lambda: None,
+) -> list[Rate]:  # fmt: skip
+    """Measure contestants and their limits in turns; arguments as those of `race`."""
+    drives = [drive for _, drive in ready]
+    limits = [c.limit() for c, _ in ready if c.limit is not None]
+    found = race([*drives, *limits], rounds, seconds, clock, tick)
+    of_limits = iter(found[len(drives) :])
+    return [
+        Rate(c, own, None if c.limit is None else next(of_limits)) for (c, _), own in zip(ready, found, strict=False)
+    ]
 
 
 def race(

@@ -47,6 +47,19 @@ def scan(task: Task, lanes: int) -> Callable[[], int]:
     return _driver(step, (state, jnp.zeros(lanes)), lanes)
 
 
+def copying_scan(task: Task, lanes: int) -> Callable[[], int]:
+    """Drive a scan whose step moves as many bytes as one of a task does at least: actions in; states and times in and out."""
+    functional = Functional(task)
+    _, state = jax.jit(functional.lanes_reset)(jnp.zeros((2, lanes), jnp.uint32))
+    kept = sum(array.nbytes for array in (*state.values, state.time))
+    moved = 2 * kept + _actions(functional.program.action, lanes)[0].nbytes
+
+    def step(carry: Any, k: Any) -> tuple[Any, None]:
+        return carry + 1, None
+
+    return _driver(step, jnp.zeros(moved // 8, jnp.float32), lanes)
+
+
 def gymnax_scan(
     name: str, lanes: int, options: Mapping[str, Any] | None = None, changes: Mapping[str, Any] | None = None
 ) -> Callable[[], int]:

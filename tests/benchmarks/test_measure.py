@@ -16,6 +16,7 @@ from taskspec.envs.speed import scalar
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.programs.backend_table import PROGRAMS
 from tests.benchmarks import chart, peers, tables
+from tests.benchmarks.limit import bytes_of_step, copying
 from tests.benchmarks.race import clock_for, jax_device, ours, race, spread
 from tests.benchmarks.starts import memory, start_times
 from tests.shared.sparse import sparse
@@ -102,6 +103,22 @@ def test_a_scalar_drive_takes_the_steps_that_it_counts() -> None:
 
     steps = scalar(Counted(taskspec.make("RiskyPath")))()
     assert steps == len(taken)
+
+
+@pytest.mark.parametrize(
+    ("task", "moved"),
+    [
+        ("RiskyPath", 8 + 8 + 8 + 2 + 2 * (8 + 8)),  # action, observation, reward, two flags; state and time in and out
+        (spec_file("cart_pole"), 8 + 4 * 4 + 8 + 2 + 2 * (4 * 8 + 8)),
+    ],
+    ids=str,
+)
+def test_the_limit_of_many_environments_is_a_copy_of_what_a_step_moves(task: Any, moved: int) -> None:
+    assert bytes_of_step(taskspec.load(task)) == moved
+    copy = copying(1600)
+    source, target = copy.args[::-1]
+    copy()
+    assert source.nbytes + target.nbytes == 1600 and (source == target).all()
 
 
 def test_clocks_count_the_time_of_the_processor_unless_several_things_work_at_once() -> None:

@@ -25,7 +25,7 @@ from taskspec.programs.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from tests.benchmarks import printed, tables
 from tests.benchmarks.chart import draw
 from tests.benchmarks.printed import Progress
-from tests.benchmarks.race import Contestant, Rate, clock_for, jax_device, ours, race
+from tests.benchmarks.race import Contestant, Rate, clock_for, jax_device, ours, rates
 from tests.benchmarks.starts import MemoryUse, Start, memory, start_times
 
 CHARTS = (".svg", ".png", ".pdf")
@@ -182,9 +182,7 @@ def _raced(group: Sequence[Contestant], wanted: Wanted, clock: Any, found: Found
         if drive is not None:
             ready.append((contestant, drive))
     effort = len(group) * wanted.seconds
-    drives = [drive for _, drive in ready]
-    rounds = race(drives, wanted.rounds, wanted.seconds, clock, lambda: progress.tick(group[0].task, effort))
-    return [Rate(contestant, rates) for (contestant, _), rates in zip(ready, rounds, strict=True)]
+    return rates(ready, wanted.rounds, wanted.seconds, clock, lambda: progress.tick(group[0].task, effort))
 
 
 def _made(contestant: Contestant, found: Found) -> Drive | None:
