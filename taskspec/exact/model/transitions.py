@@ -21,7 +21,7 @@ from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.builder import Builder
-from taskspec.language.expressions.ir import Apply, Draw, Node, children, draws, reads, rewrite, walk
+from taskspec.language.expressions.ir import Apply, Draw, Node, Read, children, draws, reads, rewrite, walk
 from taskspec.language.expressions.operators import entry_of
 from taskspec.language.expressions.types import TIME, Expression, Range, Role
 from taskspec.language.expressions.variates import VARIATES
@@ -81,9 +81,6 @@ class Branch:
     drawn: Mapping[int, Array]
     numbers: ProbabilityArithmetic = FLOATS
 
-    def sample(self, draw: Draw, args: list[Array]) -> Array:
-        return self.drawn[draw.site]
-
     def place(self, reads: Reads) -> Reads:
         """Return what is read at each outcome's point."""
         if self.origin is None:
@@ -127,7 +124,7 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     draw = draws[0]
     rest = draws[1:]
     times = so_far.numbers.times
-    args = evaluate(draw.args, so_far.place(reads), so_far.sample)
+    args = evaluate(draw.args, so_far.place(reads), drawn=so_far.drawn)
     outcomes = VARIATES[draw.base].outcomes
     assert outcomes is not None
     values, p = outcomes.table(draw, args, so_far.numbers)
@@ -183,7 +180,7 @@ def joint_outcomes(
             point = np.arange(lanes)
         else:
             point = branch.origin
-        values = evaluate(nodes, branch.place(reads), branch.sample)
+        values = evaluate(nodes, branch.place(reads), drawn=branch.drawn)
         everywhere = [np.broadcast_to(v, (*v.shape[:-1], len(point))) for v in values]
         yield everywhere, point, np.broadcast_to(branch.weight, (len(point),))
 
@@ -304,6 +301,12 @@ class Steps:
     def names(self) -> frozenset[tuple[Role, str]]:
         return reads(self.roots)
 
+    @cached_property
+    def names_beside_draws(self) -> frozenset[tuple[Role, str]]:
+        """Names of what a step reads once the values of all draws are known."""
+        known = frozenset(id(node) for node in walk(self.roots) if isinstance(node, Draw))
+        return frozenset((node.role, node.name) for node in walk(self.roots, known) if isinstance(node, Read))
+
     @property
     def uses_time(self) -> bool:
         return TIME in self.names
@@ -331,8 +334,9 @@ class Steps:
         """Yield every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
         lanes = len(states)
         given = self.reads(states, actions, t)
+        needed = {name: given[name] for name in self.names_beside_draws}
         for branch in branches(self.draws, given, lanes, numbers):
-            values = evaluate(self.roots, branch.place(given), branch.sample)
+            values = evaluate(self.roots, branch.place(needed), drawn=branch.drawn)
             size = lanes
             if branch.origin is not None:
                 size = len(branch.origin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -422,7 +422,8 @@ class Examination:
             here = words
             if branch.origin is not None:
                 here = words[:, branch.origin]
-            values = iter(evaluate(self.roots, branch.place(batch.reads), partial(self._sample, branch, here)))
+            sample = batch_sampler(self.layout, here)
+            values = iter(evaluate(self.roots, branch.place(batch.reads), sample, branch.drawn))
             for check in self.phase.checks:
                 guards = [next(values) for _ in check.guards]
                 value = next(values)
@@ -431,12 +432,6 @@ class Examination:
                     flags = np.logical_and.reduce(np.broadcast_arrays(wrong, *guards))
                     if flags.any():
                         yield check, branch, flags, value
-
-    def _sample(self, branch: Branch, words: Array, draw: Draw, args: list[Array]) -> Array:
-        known = branch.drawn.get(draw.site)
-        if known is None:
-            return batch_sampler(self.layout, words)(draw, args)
-        return known
 
     def violations(self) -> Iterator[Violation]:
         """Yield the best counterexample to each check that fails: in a state in which episodes act, if there is one."""

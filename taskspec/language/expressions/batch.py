@@ -233,6 +233,7 @@ class Runtime:
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 RUNTIME = Runtime(np, np.int64, np.float64)
+NOTHING: Mapping[int, Array] = {}
 
 
 @lru_cache(maxsize=4096)
@@ -248,6 +249,7 @@ def evaluate(
     roots: Iterable[Expression],
     reads: Mapping[tuple[Role, str], Array],
     sample: Callable[[Draw, list[Array]], Array] = no_draws,
+    drawn: Mapping[int, Array] = NOTHING,
 ) -> list[Array]:
     """Return values of the roots over a batch.
 
@@ -255,12 +257,15 @@ def evaluate(
         roots: nodes; shared ones are evaluated once.
         reads: arrays (*shape, N) or (*shape, 1) for every name that is read.
         sample: the value of a draw, (*shape, N), from its evaluated arguments.
+        drawn: values of draws by site, (*shape, N) or (*shape, 1), for which arguments are not needed.
 
     Returns:
         Arrays (*shape, N), or (*shape, 1) where nothing depends on the batch.
     """
-    plan = _planned(tuple(roots))
+    plan = _planned(tuple(roots), frozenset(drawn))
     values = plan.values.copy()
+    for place, site in plan.drawn:
+        values[place] = drawn[site]
     for place, key in plan.reads:
         values[place] = reads[key]
     with np.errstate(all="ignore"):
@@ -274,20 +279,28 @@ def evaluate(
 
 
 class _Plan(NamedTuple):
-    """The order of evaluation of nodes: values by place, constants in theirs, then reads, then operators and draws in order."""
+    """The order of evaluation of nodes: values by place, constants in theirs, then draws whose values are known, then reads, then
+    operators and draws in order.
+    """
 
     values: list[Any]
+    drawn: list[tuple[int, int]]
     reads: list[tuple[int, tuple[Role, str]]]
     steps: list[tuple[int, Callable[..., Array] | Draw, tuple[int, ...]]]
     roots: list[int]
 
 
 @lru_cache(maxsize=64)
-def _planned(roots: tuple[Expression, ...]) -> _Plan:
+def _planned(roots: tuple[Expression, ...], drawn: frozenset[int]) -> _Plan:
     """Kept, since the same step is evaluated at thousands of times of an episode."""
     places: dict[int, int] = {}
-    plan = _Plan([], [], [], [])
+    plan = _Plan([], [], [], [], [])
     for node in walk(roots):
+        if isinstance(node, Draw) and node.site in drawn:
+            places[id(node)] = len(plan.values)
+            plan.drawn.append((len(plan.values), node.site))
+            plan.values.append(None)
+    for node in walk(roots, known=frozenset(places)):
         place = places[id(node)] = len(plan.values)
         plan.values.append(array(node) if isinstance(node, Const) else None)
         match node:

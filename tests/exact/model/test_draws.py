@@ -93,7 +93,7 @@ def test_outcomes_have_the_frequencies_of_samples(
     table: dict[tuple[Any, ...], float] = {}
     mass = np.zeros(lanes)
     for branch in branches(found, points, lanes):
-        (values,) = batch.evaluate([node], branch.place(points), branch.sample)
+        (values,) = batch.evaluate([node], branch.place(points), drawn=branch.drawn)
         n = lanes if branch.origin is None else len(branch.origin)
         weight = np.broadcast_to(branch.weight, (n,))
         np.add.at(mass, np.arange(lanes) if branch.origin is None else branch.origin, weight)
