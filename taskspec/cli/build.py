@@ -28,7 +28,7 @@ def build(
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.exact.check.check_text import print_table, print_verdict
+    from taskspec.cli.check_text import print_table, print_verdict
     from taskspec.exact.check.file_checks import check_file, counts, problems_of
     from taskspec.language.targets import files_of
     from taskspec.show.pages.write import TaskResults, write_build

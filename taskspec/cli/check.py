@@ -49,7 +49,7 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.exact.check import check_text
+    from taskspec.cli import check_text
     from taskspec.exact.check.file_checks import counts, problems_of
     from taskspec.language.targets import files_of, others_of
     from taskspec.tools.authoring.checks import check_files, examine

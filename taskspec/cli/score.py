@@ -57,7 +57,7 @@ def score(
 
 
 def _print_score(task: Task, result: Score) -> None:
-    from taskspec.exact.scores.solution import print_discount
+    from taskspec.cli.solution_text import print_discount
 
     out = console()
     low, high = result.interval()

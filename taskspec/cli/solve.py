@@ -44,7 +44,7 @@ def solve(
     the state, also the best returns given observations alone: with memory, and without. Where the task has measures,
     their expected sums under the same policies.
     """
-    from taskspec.exact.scores.solution import print_solution
+    from taskspec.cli.solution_text import print_solution
     from taskspec.exact.scores.solution import solve as solved
     from taskspec.language.targets import beside, tasks_of
 
