@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -33,19 +34,22 @@ def probes() -> str:
     """Return the page of the probes."""
     exposures = {task: exposed(task) for task in tasks_of(("probes",), None)}
     finite = [found for found in exposures.values() if found]
-    common = [name for name in finite[0] if all(name in found for found in finite)]
+    seen = Counter(name for found in finite for name in found)
+    common = [name for name in OPERATORS if seen[name] == len(finite)]
+    usual = [name for name in OPERATORS if len(finite) / 2 <= seen[name] < len(finite)]
     rows = []
     missed = {name for name, operator in OPERATORS.items() if operator.of != "values" and operator.recognise is None}
     missed -= set(GOOD)
     for task, found in exposures.items():
-        own = {name: gamma for name, gamma in found.items() if name not in common}
+        own = {name: gamma for name, gamma in found.items() if name not in (*common, *usual)}
         rows.append((task.name, task.capability or "", *_difficulty(task), _listed(own)))
         missed -= set(found)
     parts = {
         "probes": table(
-            ("probe", "capability", "lookahead", "value norm", "fails for learners with the mistake"), rows
+            ("probe", "capability", "lookahead", "value norm", "further mistakes that fail"), rows
         ),
         "common": ", ".join(common),
+        "usual": ", ".join(usual),
         "missed": ", ".join(name for name in OPERATORS if name in missed),
         "diagnoses": _diagnoses(),
     }
