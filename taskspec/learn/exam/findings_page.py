@@ -21,6 +21,8 @@ SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": 
 TINTS: dict[Outcome, str] = {
     "confirmed": chart.TINT_MASTERS, "refuted": chart.TINT_FAILS, "undecided": chart.TINT_UNSURE, "not run": chart.TINT_NONE,
 }  # fmt: skip
+KEPT = "\N{NO-BREAK SPACE}"
+"""Keeps a sign and its word on one line."""
 SQUARE = (0.46, 0.24)
 """Width and height of the square of a finding, in inches."""
 LEFT = 2.1
@@ -179,7 +181,7 @@ def _in_words(each: FindingResult, sets: Sequence[str]) -> list[str]:
     says = f"{entry.says} *({entry.where})*"
     if entry.note:
         says += f" {entry.note}"
-    return [each.name, says, *(f"{SIGNS[each.outcome(name)]} {each.outcome(name)}" for name in sets)]
+    return [each.name, says, *(f"{SIGNS[each.outcome(name)]}{KEPT}{each.outcome(name)}" for name in sets)]
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

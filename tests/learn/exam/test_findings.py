@@ -161,7 +161,7 @@ def test_a_finding_says_which_thresholds_and_actions_it_is_sensitive_to() -> Non
     (found,) = [each for each in results.results if each.name == "F03"]
     assert found.sensitivity("s") == {"best actions": "confirmed", "0.1 easier": "confirmed"}
     (row,) = [line for line in markdown(results).splitlines() if line.startswith("| F03")]
-    assert "`" not in row and row.endswith("| ✗ refuted |")
+    assert "`" not in row and row.endswith("| ✗\xa0refuted |")
     text = html(results)
     assert "sensitive to best actions (confirmed), 0.1 easier (confirmed)" in text
     assert "<code>score(gail_fu, EarlyTermNeg) &gt; 0.9</code>" in text
@@ -174,7 +174,7 @@ def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:
     lines = markdown(found, ["on a machine"]).splitlines()
     assert "- on a machine" in lines and "|  | the paper says | paper | corrected |" in lines
     (row,) = [line for line in lines if line.startswith("| F01 |")]
-    assert row.endswith("| ✓ confirmed | ✗ refuted |")
+    assert row.endswith("| ✓\xa0confirmed | ✗\xa0refuted |")
     assert {line.count("|") - line.count("\\|") for line in lines if line.startswith("| F")} == {5}
     text = html(found)
     assert "<code>score(gail_im, EarlyTermNeg) = −0.90</code> (2 of 2)" in text
