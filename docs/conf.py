@@ -16,9 +16,9 @@ from typing import Any
 from docutils import nodes
 
 from taskspec import __version__
-from taskspec.language.printers import tex
-from taskspec.language.printers.markup import mathml
 from taskspec.show.pages.render.html import gallery_style
+from taskspec.show.printers import tex
+from taskspec.show.printers.markup import mathml
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"

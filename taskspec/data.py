@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from taskspec.envs.data.datasets import read as read
-from taskspec.envs.data.datasets import write as write
-from taskspec.envs.data.episodes import Demonstrations as Demonstrations
-from taskspec.envs.data.episodes import Trajectory as Trajectory
-from taskspec.envs.data.episodes import Transitions as Transitions
-from taskspec.envs.data.episodes import demonstrations as demonstrations
-from taskspec.envs.data.preferences import Preferences as Preferences
-from taskspec.envs.data.preferences import Teacher as Teacher
-from taskspec.envs.data.preferences import preferences as preferences
-from taskspec.envs.data.tabular import Tabular as Tabular
-from taskspec.envs.data.tabular import tabular as tabular
+from taskspec.learn.data.datasets import read as read
+from taskspec.learn.data.datasets import write as write
+from taskspec.learn.data.episodes import Demonstrations as Demonstrations
+from taskspec.learn.data.episodes import Trajectory as Trajectory
+from taskspec.learn.data.episodes import Transitions as Transitions
+from taskspec.learn.data.episodes import demonstrations as demonstrations
+from taskspec.learn.data.preferences import Preferences as Preferences
+from taskspec.learn.data.preferences import Teacher as Teacher
+from taskspec.learn.data.preferences import preferences as preferences
+from taskspec.learn.data.tabular import Tabular as Tabular
+from taskspec.learn.data.tabular import tabular as tabular
 
 __all__ = [
     "Demonstrations",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from taskspec.base.jobs.running import Running as Running
 from taskspec.learn.exam.case import BudgetSpent as BudgetSpent
 from taskspec.learn.exam.case import Case as Case
 from taskspec.learn.exam.case import NotGranted as NotGranted
@@ -14,6 +13,7 @@ from taskspec.learn.exam.results import Exam as Exam
 from taskspec.learn.exam.results import read as read
 from taskspec.learn.exam.starc import RewardDistance as RewardDistance
 from taskspec.learn.exam.starc import reward_distance as reward_distance
+from taskspec.learn.jobs.running import Running as Running
 from taskspec.learn.learners import CannotLearn as CannotLearn
 
 __all__ = [

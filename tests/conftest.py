@@ -8,15 +8,17 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium.vector
 import pytest
 
-from taskspec.base.jobs.engines import Workers
 from taskspec.language import modifiers
 from taskspec.language.task import pipeline
 from tests.shared.invariants import checked
+
+if TYPE_CHECKING:
+    from taskspec.learn.jobs.engines import Workers
 
 pipeline._pipeline = checked(pipeline._pipeline)  # every task that any test builds
 modifiers._modified = checked(modifiers._modified)
@@ -75,11 +77,13 @@ def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.fixture(scope="session")
 def kept_workers() -> Iterator[Workers]:
     """One process that does the jobs of many tests."""
+    from taskspec.learn.jobs.engines import Workers
+
     with Workers(1) as workers:
         yield workers
 
 
-WITH_WORKERS = ("taskspec.base.jobs.running", "taskspec.learn.exam.examining", "taskspec.learn.experiments.separate")
+WITH_WORKERS = ("taskspec.learn.jobs.running", "taskspec.learn.exam.examining", "taskspec.tools.separation.separate")
 
 
 @pytest.fixture

@@ -16,10 +16,10 @@ from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.parse import parse
 from taskspec.language.expressions.scope import Scope
 from taskspec.language.expressions.syntax import SourceText
-from taskspec.language.printers import tex
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.markup import latex
-from taskspec.language.printers.pieces import fill
+from taskspec.show.printers import tex
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.markup import latex
+from taskspec.show.printers.pieces import fill
 
 HEAD = """# Functions of expressions
 

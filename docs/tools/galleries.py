@@ -8,12 +8,12 @@ from pathlib import Path
 
 from taskspec.base.files import write_text
 from taskspec.language import registry
-from taskspec.language.suites import SUITES
 from taskspec.show import figures, pages
 from taskspec.show.pages.render.html import gallery
 from taskspec.show.pages.render.markdown import markdown
 from taskspec.show.pages.render.suite import Suite
 from taskspec.show.pages.write import gather_pages
+from taskspec.show.record import SUITES
 
 DOCS = Path(__file__).parents[1]
 LIBRARY = "reference/library"

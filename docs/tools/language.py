@@ -14,9 +14,9 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact.rules import claim_rules
 from taskspec.exact.scores.returns import CLAIMS, NUMBERS
 from taskspec.language.expressions.operators import INFIX
+from taskspec.language.registry import CAPABILITIES
 from taskspec.language.source import read_text
 from taskspec.language.source.document import EXTENDS
-from taskspec.language.suites import CAPABILITIES
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.parts import FIGURE_KINDS

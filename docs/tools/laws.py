@@ -10,8 +10,8 @@ from typing import Any
 
 from docs.tools.law_learners import LEARNERS
 from docs.tools.markdown import code, filled, table
-from taskspec.exact.rules.score_rules import short_name
 from taskspec.exam import Running, examine
+from taskspec.learn.documents.score_rules import short_name
 from taskspec.learn.exam.laws import LAWS
 
 SEEDS = 5

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from docs.tools.markdown import code, entries, filled
 from taskspec.language import registry
-from taskspec.language.suites import SUITES
+from taskspec.show.record import SUITES
 
 PAGE = Path(__file__).parents[1] / "reference" / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")

@@ -15,9 +15,6 @@ from scipy import stats
 
 from docs.tools.markdown import filled
 from taskspec.base.display import fixed
-from taskspec.base.jobs.running import Running, run
-from taskspec.base.jobs.store import Job, Store
-from taskspec.exact.policies.values import observed_value
 from taskspec.exact.scores.difficulty import MEASURES, difficulty
 from taskspec.exact.scores.measures import score_of
 from taskspec.exact.scores.returns import Results
@@ -25,11 +22,14 @@ from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.curves import steps_to
 from taskspec.learn.exam.trial import Trial, key_of, run_trial
 from taskspec.learn.experiments.instances import Instance
-from taskspec.learn.experiments.races import family_of, rounds
 from taskspec.learn.experiments.references import GAMMA, STEP_SIZE, ObservationTable
+from taskspec.learn.jobs.running import Running, run
+from taskspec.learn.jobs.store import Job, Store
 from taskspec.learn.learners.learner import learner
+from taskspec.learn.observed_policies import observed_value
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
+from taskspec.tools.separation.races import family_of, rounds
 
 DOCS = Path(__file__).parents[1]
 FAMILIES = ("tables", "chains", "trees", "grids", "delays")

@@ -10,9 +10,9 @@ import numpy as np
 
 from docs.tools.probes import PASSES, scores
 from taskspec.base.arrays import Array
-from taskspec.envs.data.episodes import demonstrations
 from taskspec.language import registry
 from taskspec.language.task.task import Task
+from taskspec.learn.data.episodes import demonstrations
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
 from taskspec.learn.exam.fingerprints import is_read

@@ -12,11 +12,11 @@ import numpy as np
 from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.policies.policy import greedy
-from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.returns import Results
-from taskspec.language.task.schema.experiments import DiagnosisEntry
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
+from taskspec.learn.documents.shapes import DiagnosisEntry
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import dynamics_of
 from taskspec.learn.exam.fingerprints import fingerprint
@@ -45,9 +45,7 @@ def probes() -> str:
         rows.append((task.name, task.capability or "", *_difficulty(task), _listed(own)))
         missed -= set(found)
     parts = {
-        "probes": table(
-            ("probe", "capability", "lookahead", "value norm", "further mistakes that fail"), rows
-        ),
+        "probes": table(("probe", "capability", "lookahead", "value norm", "further mistakes that fail"), rows),
         "common": ", ".join(common),
         "usual": ", ".join(usual),
         "missed": ", ".join(name for name in OPERATORS if name in missed),

@@ -181,18 +181,6 @@ def count_of(text: str) -> int | None:
     return round(float(match[1]) * _UNITS[match[2]])
 
 
-_TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
-_SECONDS = {"s": 1, "m": 60, "h": 3600}
-
-
-def seconds_of(text: str) -> float | None:
-    """Return a time such as `5m`, `90s` or `1.5h` in seconds; None for another text."""
-    match = _TIME.fullmatch(text)
-    if match is None:
-        return None
-    return float(match[1]) * _SECONDS[match[2]]
-
-
 def _signed(text: str) -> str:
     if not text.strip("-0.,"):
         text = text.removeprefix("-")

@@ -1,21 +1,15 @@
-"""Optional packages, names that are imported on first use, and the versions of packages that results rest on."""
+"""Optional packages, and names that are imported on first use."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 import json
-import os
-import platform
-import re
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from taskspec.base import __version__
 from taskspec.base.diagnostics import SpecError, spec_error
 
 # Optional packages: imported when they are first needed, with the command that installs what is missing.
@@ -114,28 +108,3 @@ def on_demand(package: str, places: Mapping[str, str]) -> Callable[[str], object
         return value
 
     return find
-
-
-PACKAGES = (
-    "numpy", "numba", "jax", "optax", "gymnasium", "seals", "gymnax", "envpool", "stable-baselines3", "imitation",
-)  # fmt: skip
-CPU_INFO = Path("/proc/cpuinfo")
-
-
-def machine() -> dict[str, Any]:
-    """Return processor, system and versions of packages as plain data."""
-    processor = platform.processor() or platform.machine()
-    with suppress(OSError):
-        model = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)
-        if model:
-            processor = model[1]
-    versions = {"python": platform.python_version(), "taskspec": __version__}
-    for name in PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
-    return {
-        "processor": processor,
-        "cores": os.cpu_count(),
-        "platform": f"{platform.system()} {platform.machine()}",
-        "versions": versions,
-    }

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.limits import telling
-from taskspec.base.terminal import console, line
 from taskspec.cli.console import fail, print_diagnostics, progress, say
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
+from taskspec.show.terminal.styled_text import console, line
 
 if TYPE_CHECKING:
     from taskspec.exact.check.report import Report
@@ -29,10 +29,10 @@ def build(
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
     from taskspec.cli.check_text import print_table, print_verdict
-    from taskspec.exact.check.file_checks import check_file, counts, problems_of
-    from taskspec.language.targets import files_of
     from taskspec.show.pages.write import TaskResults, write_build
     from taskspec.tools.authoring.checks import examine
+    from taskspec.tools.authoring.file_checks import check_file, counts, problems_of
+    from taskspec.tools.targets import files_of
 
     start = time.perf_counter()
     results = TaskResults()

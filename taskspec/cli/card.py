@@ -23,9 +23,9 @@ def card(
     Name, version, capability, sources, parameters, spaces, horizon, returns, claims and licence: as Markdown with front
     matter, or as JSON-LD in the terms of schema.org.
     """
-    from taskspec.language.targets import task_of
     from taskspec.show.pages import card as cards
     from taskspec.show.pages.facts import gather
+    from taskspec.tools.targets import task_of
 
     options.checked_choice("--format", format, ("md", "json"))
     built = task_of(task, variant, parameters or [], modifiers or [])

@@ -12,9 +12,9 @@ from typer import Option
 
 from taskspec.base.diagnostics import render
 from taskspec.base.display import plural
-from taskspec.base.terminal import console
 from taskspec.cli import options
 from taskspec.cli.console import print_diagnostics, progress, say, write_json
+from taskspec.show.terminal.styled_text import console
 
 FORMATS = ("text", "json", "github")
 Format = Annotated[str, options.choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")]
@@ -50,10 +50,10 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli import check_text
-    from taskspec.exact.check.file_checks import counts, problems_of
-    from taskspec.language.targets import files_of, others_of
     from taskspec.tools.authoring.checks import check_files, examine
+    from taskspec.tools.authoring.file_checks import counts, problems_of
     from taskspec.tools.authoring.formatting import fix_files
+    from taskspec.tools.targets import files_of, others_of
 
     start = time.perf_counter()
     options.checked_choice("--format", format, FORMATS)

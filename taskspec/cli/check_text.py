@@ -8,10 +8,10 @@ from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, records
 from taskspec.base.display import plural
-from taskspec.base.terminal import Columns, VisibleText, console, line
-from taskspec.exact.check.file_checks import Checked, FileReport, counts, problems_of
 from taskspec.language.source import Kind
 from taskspec.programs.agreement import EVERY
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
+from taskspec.tools.authoring.file_checks import Checked, FileReport, counts, problems_of
 
 ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
 """The entries of files that are no specs."""

@@ -21,7 +21,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, hint
 from taskspec.base.display import visible, visible_json
 from taskspec.base.files import near, write_text
 from taskspec.base.limits import progress_listener
-from taskspec.base.terminal import colored, terminal_width
+from taskspec.show.terminal.styled_text import colored, terminal_width
 
 DEBUG = "TASKSPEC_TRACEBACK"  # set in the environment, this variable shows where an internal error comes from
 PASSED_ON = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from taskspec.base.terminal import console, line
 from taskspec.cli.console import misuse, progress, say, write_records
 from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant, seed_option
+from taskspec.show.terminal.styled_text import console, line
 
 if TYPE_CHECKING:
     from taskspec.data import Demonstrations, Preferences
@@ -61,7 +61,7 @@ def demos(
     spec gives roles, they come from the variant in which the expert acts.
     """
     from taskspec.data import demonstrations
-    from taskspec.language.targets import tasks_of
+    from taskspec.tools.targets import tasks_of
 
     if episodes is not None and transitions is not None:
         raise misuse("--episodes and --transitions cannot be combined")
@@ -92,7 +92,7 @@ def preferences(
     returns. Where the spec gives roles, trajectories come from the variant in which the learner acts.
     """
     from taskspec.data import preferences as compared
-    from taskspec.language.targets import tasks_of
+    from taskspec.tools.targets import tasks_of
 
     make = partial(compared, pairs=pairs, policy=policy, length=length, teacher=teacher, seed=seed, jobs=jobs)
     _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
@@ -106,8 +106,8 @@ def _write(
     as_json: bool,
 ) -> None:
     from taskspec.data import write
-    from taskspec.envs.data.datasets import format_of, summary
-    from taskspec.language.targets import beside
+    from taskspec.learn.data.datasets import format_of, summary
+    from taskspec.tools.targets import beside
 
     format_of(output, format)  # a mistake is reported before the work
     records = []

@@ -9,13 +9,13 @@ import typer
 from typer import Argument, Option
 
 from taskspec.base.display import decimal
-from taskspec.base.terminal import Columns, console, line
 from taskspec.cli import options
 from taskspec.cli.completions import complete_targets
 from taskspec.cli.console import misuse, progress, write_json
+from taskspec.show.terminal.styled_text import Columns, console, line
 
 if TYPE_CHECKING:
-    from taskspec.exact.abstraction.difference import TaskRelation
+    from taskspec.tools.difference import TaskRelation
 
 Side = Annotated[
     str,
@@ -42,8 +42,8 @@ def diff(
     that show it. Finite tasks are compared exactly, others in episodes. Of two versions of one task it says whether the
     version in the id must rise. The exit status is 1 if episodes differ.
     """
-    from taskspec.exact.abstraction.difference import compare
-    from taskspec.language.targets import task_at
+    from taskspec.tools.difference import compare
+    from taskspec.tools.targets import task_at
 
     named = variant or []
     if len(named) > 2:

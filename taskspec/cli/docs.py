@@ -56,12 +56,12 @@ def docs(
 
     A spec with an error is reported and left out; exit status 1 then.
     """
-    from taskspec.exact.check.report import set_aside, unknown_sources
-    from taskspec.language.targets import settings
-    from taskspec.learn.experiments.named_tasks import tasks_of
+    from taskspec.exact.check.report import set_aside
     from taskspec.show import pages
+    from taskspec.show.bibliography import unknown_sources
     from taskspec.show.figures import HINT
     from taskspec.show.pages.write import facts_of
+    from taskspec.tools.targets import all_tasks, settings
 
     wanted = options.checked_choices("--format", format or ["html"], (*FORMATS, "md"))
     wanted = ["markdown" if name == "md" else name for name in wanted]
@@ -69,7 +69,7 @@ def docs(
     tasks: list[Task] = []
     warnings: list[Diagnostic] = []
     with progress("docs"):
-        built, problems = tasks_of(targets or [], modifiers or [])
+        built, problems = all_tasks(targets or [], modifiers or [])
         for task in built:
             try:
                 undrawn = pages.undrawn(task)

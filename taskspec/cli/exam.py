@@ -117,7 +117,7 @@ def exam(
     from taskspec.learn.exam.card_text import print_exams
     from taskspec.learn.experiments.exams import examine_all, examine_learners
     from taskspec.learn.experiments.experiment_file import read_if_experiment
-    from taskspec.learn.experiments.named_tasks import tasks_named
+    from taskspec.tools.targets import tasks_named
 
     running = Running(jobs, cluster, time_limit, retry)
     numbers = {

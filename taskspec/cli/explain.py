@@ -10,10 +10,10 @@ from typer import Argument
 
 from taskspec.base.codes import Code, classes, codes
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.terminal import Columns, VisibleText, colored, console, line, terminal_width
 from taskspec.cli import options
 from taskspec.cli.console import say, write_json
 from taskspec.learn.exam.mistakes import MISTAKES, KnownMistake, anchor
+from taskspec.show.terminal.styled_text import Columns, VisibleText, colored, console, line, terminal_width
 
 CODE_FIELDS = ("code", "slug", "severity", "title", "explanation")
 CodeArgument = Annotated[

@@ -10,14 +10,14 @@ import typer
 from typer import Option
 
 from taskspec.base.files import near, write_bytes
-from taskspec.base.terminal import Columns, console
 from taskspec.cli import options
 from taskspec.cli.console import misuse, progress, say, write_json
+from taskspec.show.terminal.styled_text import Columns, console
 
 if TYPE_CHECKING:
     from taskspec.exact.model.model import Model
-    from taskspec.exact.tables.frozen_task import FrozenTask
     from taskspec.language.task.task import Task
+    from taskspec.tools.exchange.frozen_task import FrozenTask
 
 FORMATS = ("umb", "gym-p", "npz")
 Format = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
@@ -42,8 +42,8 @@ def export(
     cannot carry. [green]--verify[/] compares the optimal, random and worst return with Storm's, without rounding, and fails
     where they differ.
     """
-    from taskspec.language.targets import task_of
     from taskspec.tools.exchange import formats
+    from taskspec.tools.targets import task_of
 
     chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
     if verify and chosen.name != "umb":

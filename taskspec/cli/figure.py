@@ -38,9 +38,9 @@ def figure(
 
     The states can be overlaid with their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
-    from taskspec.language.targets import beside, tasks_of
     from taskspec.show import pages
     from taskspec.show.pages.page import anchor
+    from taskspec.tools.targets import beside, tasks_of
 
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     if output is None:

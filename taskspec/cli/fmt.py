@@ -11,9 +11,9 @@ import typer
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import plural
 from taskspec.base.files import write_text
-from taskspec.base.terminal import console
 from taskspec.cli.completions import complete_paths
 from taskspec.cli.console import print_diagnostics, say
+from taskspec.show.terminal.styled_text import console
 
 
 def fmt(
@@ -38,8 +38,8 @@ def fmt(
     stays as it is; the others are written all the same.
     """  # fmt: skip
     from taskspec.language.source import read_file
-    from taskspec.language.targets import files_of
     from taskspec.tools.authoring.formatting import formatted
+    from taskspec.tools.targets import files_of
 
     problems: list[Diagnostic] = []
     changed = 0

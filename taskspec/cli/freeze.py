@@ -25,9 +25,9 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
-    from taskspec.exact.tables.frozen_task import freeze as frozen
-    from taskspec.exact.tables.spec_text import spec_text
-    from taskspec.language.targets import task_of
+    from taskspec.tools.exchange.frozen_task import freeze as frozen
+    from taskspec.tools.exchange.spec_text import spec_text
+    from taskspec.tools.targets import task_of
 
     given = list(parameters or [])
     if seed is not None:

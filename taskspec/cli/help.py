@@ -12,8 +12,8 @@ from typer.core import TyperCommand, TyperGroup
 
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.base.limits import limits
-from taskspec.base.terminal import Columns
 from taskspec.cli.console import fail, reported, say
+from taskspec.show.terminal.styled_text import Columns
 
 FIRST = """\
 First commands:
@@ -101,7 +101,7 @@ def _record(param: Any, ctx: Any) -> tuple[str, str]:
 def _print_help(command: Any, ctx: Any, panels: dict[str, list[tuple[str, str]]]) -> None:
     from rich.markup import render
 
-    from taskspec.base.terminal import console
+    from taskspec.show.terminal.styled_text import console
 
     out = console()
     out.print(f"Usage: {ctx.command_path} {' '.join(_usage(command, ctx))}", style="title")

@@ -30,8 +30,8 @@ def import_(
     The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
     an environment is made by [green]gymnasium.make[/].
     """
-    from taskspec.exact.tables.spec_text import spec_text
     from taskspec.tools.exchange.formats import imported
+    from taskspec.tools.exchange.spec_text import spec_text
 
     task = imported(source, format, name, horizon)
     write_output(spec_text(task), output)

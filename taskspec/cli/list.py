@@ -11,9 +11,9 @@ from typer import Option
 
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
-from taskspec.base.terminal import Columns, VisibleText, console
 from taskspec.cli import options
 from taskspec.cli.console import fail, write_json
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,8 +37,8 @@ def list_(
     Without arguments, suites and capabilities with the number of their tasks. With a suite, a folder or a capability, its tasks
     with size, horizon, parameters and summary. The size is states × actions.
     """
-    from taskspec.language.targets import files_of, outlines_in, tasks_in
-    from taskspec.language.task.record import record
+    from taskspec.show.record import record
+    from taskspec.tools.targets import files_of, outlines_in, tasks_in
 
     files = files_of(targets or [])
     listed = list(tasks_in(files) if json else outlines_in(files))
@@ -71,7 +71,7 @@ def _capability(task: Listed) -> str:
 
 def _print_suites(tasks: Sequence[Listed]) -> None:
     """Print a row for each suite, the capabilities, and how to see their tasks."""
-    from taskspec.language.suites import SUITES
+    from taskspec.show.record import SUITES
 
     out = console()
     counts = Counter(task.id.rpartition("/")[0] for task in tasks)
@@ -110,7 +110,7 @@ def _print_tasks(tasks: Sequence[Listed]) -> None:
 
 
 def _print_table(out: Console, tasks: Sequence[Listed]) -> None:
-    from taskspec.language.task.record import horizon, settings, size
+    from taskspec.show.record import horizon, settings, size
 
     table = Columns(
         "task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4), fold=(2, 5),
@@ -126,7 +126,7 @@ def _print_groups(out: Console, tasks: Sequence[Listed]) -> None:
     """Print each task on two lines, its name above its summary; a capability is the heading of its tasks."""
     from rich.padding import Padding
 
-    from taskspec.language.task.record import horizon, settings, size
+    from taskspec.show.record import horizon, settings, size
 
     rows = [("task", "size", "horizon", "parameters")]
     rows += [(f"  {task.id}", size(task), horizon(task), settings(task)) for task in tasks]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 from typer import Argument, Option
 
 from taskspec.base.diagnostics import suggest
-from taskspec.base.display import count_of, seconds_of
+from taskspec.base.display import count_of
 from taskspec.cli.completions import complete_modifiers, complete_policies, complete_targets
 from taskspec.cli.console import misuse
 
@@ -51,14 +52,18 @@ def count(option: str, text: str | None) -> int | None:
     return number
 
 
+_TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
+_SECONDS = {"s": 1, "m": 60, "h": 3600}
+
+
 def seconds(option: str, text: str | None) -> float | None:
     """Read a time such as 5m, 90s or 1.5h, in seconds."""
     if text is None:
         return None
-    time = seconds_of(text)
-    if time is None:
+    match = _TIME.fullmatch(text)
+    if match is None:
         raise misuse(f"{option} is a time such as 5m, 90s or 1.5h, not '{text}'")
-    return time
+    return float(match[1]) * _SECONDS[match[2]]
 
 
 def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None:

@@ -22,7 +22,7 @@ def play(
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.envs import Environment, window
     from taskspec.envs.options import seed_of
-    from taskspec.language.targets import task_of
+    from taskspec.tools.targets import task_of
 
     built = task_of(task, variant, parameters or [], modifiers or [])
     env = Environment(built, render_mode="rgb_array")

@@ -109,10 +109,10 @@ def _write(
 
 def _report_findings(suite: str, places: list[Path], output: Path, json: bool) -> None:
     """Evaluate a suite's findings, show them, and write them as a page and as JSON data."""
-    from taskspec.base.terminal import console
     from taskspec.learn.exam import findings_page
     from taskspec.learn.exam.findings import evaluate, sets_of
     from taskspec.learn.exam.results import read
+    from taskspec.show.terminal.styled_text import console
 
     exams = {place: read(place) for place in dict.fromkeys(place.resolve() for place in places)}
     findings = evaluate(suite, sets_of(exams))

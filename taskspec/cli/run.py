@@ -54,10 +54,10 @@ def run(
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
-    from taskspec.envs.recording import watching
-    from taskspec.envs.rollouts import episodes_of, print_summary, summarize, summary_data
     from taskspec.envs.window import has_display
-    from taskspec.language.targets import beside, tasks_of
+    from taskspec.show.figures.recording import watching
+    from taskspec.show.terminal.episodes import episodes_of, print_summary, summarize, summary_data
+    from taskspec.tools.targets import beside, tasks_of
 
     kind = _kind_of(render, output)
     if kind == "human" and not has_display():

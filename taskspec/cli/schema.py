@@ -28,8 +28,8 @@ def schema(
 
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
-    from taskspec.language.task.schema.experiments import ExamDocument, Experiment, FindingsDocument, document_schema
     from taskspec.language.task.schema.export import json_schema
+    from taskspec.learn.documents.shapes import ExamDocument, Experiment, FindingsDocument, document_schema
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument
 
 from taskspec.base.display import decimal
-from taskspec.base.terminal import console, line
 from taskspec.cli import options
 from taskspec.cli.console import write_json
+from taskspec.show.terminal.styled_text import console, line
 
 if TYPE_CHECKING:
     from taskspec.exact import Score
@@ -39,8 +39,8 @@ def score(
     A score below -1 counts as -1, as in the paper that the derail suite comes from.
     """
     from taskspec import exact
-    from taskspec.exact.scores.scores import read_returns
-    from taskspec.language.targets import task_of
+    from taskspec.cli.solution_text import read_returns
+    from taskspec.tools.targets import task_of
 
     built = task_of(task, variant, parameters or [], modifiers or [])
     known = None

@@ -52,9 +52,9 @@ def separate(
     tested on fresh seeds again. Ctrl-C ends the search, and keeps the best task so far.
     """
     from taskspec.learn.exam.examinee import learner_of
-    from taskspec.learn.experiments import separation_text
-    from taskspec.learn.experiments.races import family_of
-    from taskspec.learn.experiments.separate import Search
+    from taskspec.tools.separation import separation_text
+    from taskspec.tools.separation.races import family_of
+    from taskspec.tools.separation.separate import Search
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")

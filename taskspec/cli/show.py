@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 from typer import Option
 
-from taskspec.base.terminal import colored, console
 from taskspec.cli import options
 from taskspec.cli.console import say, write_records
+from taskspec.show.terminal.styled_text import colored, console
 
 
 def show(
@@ -20,10 +20,10 @@ def show(
     json: options.Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
-    from taskspec.language.targets import tasks_of
-    from taskspec.language.task.record import constants, record
     from taskspec.programs.scalar import compile_scalar
     from taskspec.show.pages.render.terminal import print_page
+    from taskspec.show.record import constants, record
+    from taskspec.tools.targets import tasks_of
 
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     records: list[dict[str, Any]] = []

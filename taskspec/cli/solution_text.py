@@ -1,24 +1,108 @@
-"""The solution of a task as text on the terminal."""
+"""The solution of a task: returns, difficulty and trade-offs, as text on the terminal and as JSON data; returns from files."""
 
 from __future__ import annotations
 
+import csv
+import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal, estimate, number
-from taskspec.base.terminal import Columns, VisibleText, console, line
 from taskspec.exact.rollout.rollout import return_range
-from taskspec.exact.scores.difficulty import Difficulty, PomdpBounds
-from taskspec.exact.scores.returns import Return, why_no_expert
-from taskspec.exact.scores.scores import Scores
-from taskspec.exact.scores.solution import Solution
-from taskspec.exact.solve.constrained import Expectations
+from taskspec.exact.scores.difficulty import Difficulty, PomdpBounds, difficulty, pomdp_bounds
+from taskspec.exact.scores.returns import Results, Return, why_no_expert
+from taskspec.exact.scores.scores import Scores, scores
+from taskspec.exact.solve.constrained import Expectations, constrained_optimum, pareto_front
 from taskspec.exact.solve.enclosure import Enclosure
-from taskspec.language.task.record import settings
 from taskspec.language.task.task import Task
+from taskspec.show.record import settings
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
 
 RETURNS = ("optimal", "expert", "random", "worst")
 MOST_CORNERS = 15  # corners of a front that are printed, about
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Exact answers about a task; None for those that were not asked for.
+
+    Args:
+        task: the task.
+        scores: its returns.
+        bounds: its best returns given observations alone; None where these show the state.
+        difficulty: its measures of difficulty.
+        limits: limits on measures, such as `cost<=1`.
+        constrained: the best expectations within these limits.
+        measure: the measure that is traded against the return.
+        front: corners of the best returns for each value of that measure.
+    """
+
+    task: Task
+    scores: Scores
+    bounds: PomdpBounds | None
+    difficulty: Difficulty | None = None
+    limits: Sequence[str] = ()
+    constrained: Expectations | None = None
+    measure: str | None = None
+    front: Sequence[Expectations] | None = None
+
+    def record(self) -> dict[str, Any]:
+        """Write the answers as JSON data."""
+        data = self.scores.record() | {"yardsticks": _bounds_record(self.bounds)}
+        if self.difficulty is not None:
+            data["difficulty"] = self.difficulty.record()
+        if self.constrained is not None:
+            data["within_limits"] = {"limits": list(self.limits), **asdict(self.constrained)}
+        if self.front is not None:
+            data["front"] = list(map(asdict, self.front))
+        return data
+
+
+def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
+    if bounds is None:
+        return None
+    record: dict[str, Any] = {"why_not": bounds.why_not}
+    for name in ("remembering", "memoryless"):
+        value = getattr(bounds, name)
+        record[name] = None
+        if value is not None:
+            record[name] = list(value.ends)
+    return record
+
+
+def solve(
+    task: Task, episodes: int, seed: int, with_difficulty: bool, limits: Sequence[str], measure: str | None
+) -> Solution:
+    """Compute the returns of a task, and what else is asked for.
+
+    Args:
+        task: the task.
+        episodes: of each estimate, where there is no exact model.
+        seed: of these episodes.
+        with_difficulty: whether to compute measures of difficulty.
+        limits: limits on measures; the best return within all of them is computed unless there are none.
+        measure: the best return is computed for each value of this measure; None for no measure.
+
+    Raises:
+        SpecError: a limit or a measure is not one of this task, or needs an exact model that it does not have.
+    """
+    returns = scores(task, episodes, seed)
+    results = Results(task)
+    bounds = pomdp_bounds(results)
+    measures = None
+    if with_difficulty:
+        measures = difficulty(results)
+    constrained = None
+    if limits:
+        constrained = constrained_optimum(task, limits)
+    front = None
+    if measure is not None:
+        front = pareto_front(task, measure)
+    return Solution(task, returns, bounds, measures, limits, constrained, measure, front)
 
 
 def print_solution(solution: Solution) -> None:
@@ -157,3 +241,46 @@ def _print_front(corners: Sequence[Expectations], measure: str) -> None:
     out = console()
     out.print(table)
     out.print(VisibleText(f"  {remark}", style="quiet"))
+
+
+def read_returns(path: Path) -> list[float]:
+    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or a column of CSV.
+
+    Raises:
+        SpecError: E710 when there is no file, E711 when it has no returns.
+    """
+    if not path.exists():
+        raise spec_error("E710", f"there is no file '{path}'")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        if path.suffix == ".json":
+            values = _from_json(text)
+        else:
+            values = _from_csv(text)
+    except (ValueError, TypeError, KeyError, IndexError):
+        values = []
+    if not values:
+        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
+    for i, value in enumerate(values, 1):
+        if math.isnan(value):
+            raise spec_error("E711", f"return number {i} of '{path}' is nan")
+    return values
+
+
+def _from_json(text: str) -> list[float]:
+    data = json.loads(text)
+    if isinstance(data, dict):
+        data = data["returns"]
+    return [float(value) for value in data]
+
+
+def _from_csv(text: str) -> list[float]:
+    """Return the column `r` or `return`, else the first one; comments start with `#`."""
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    header = [cell.strip().lower() for cell in rows[0]]
+    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
+    try:
+        float(rows[0][column])
+    except ValueError:
+        del rows[0]
+    return [float(row[column]) for row in rows]

@@ -45,8 +45,8 @@ def solve(
     their expected sums under the same policies.
     """
     from taskspec.cli.solution_text import print_solution
-    from taskspec.exact.scores.solution import solve as solved
-    from taskspec.language.targets import beside, tasks_of
+    from taskspec.cli.solution_text import solve as solved
+    from taskspec.tools.targets import beside, tasks_of
 
     records = []
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])

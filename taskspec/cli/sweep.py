@@ -9,10 +9,10 @@ import typer
 from typer import Argument
 
 from taskspec.base.files import safe_name
-from taskspec.base.terminal import console, line
 from taskspec.cli import options
 from taskspec.cli.completions import complete_experiments
 from taskspec.cli.console import progress, say_written, write_json
+from taskspec.show.terminal.styled_text import console, line
 
 if TYPE_CHECKING:
     pass
@@ -56,12 +56,12 @@ def sweep(
     Exit status 1 if an instance failed.
     """
     from taskspec import experiments
-    from taskspec.base.jobs.running import Running
-    from taskspec.language.targets import settings
     from taskspec.learn.experiments import picture
     from taskspec.learn.experiments.sweep_text import measured_table
     from taskspec.learn.experiments.sweeping import WRITERS
+    from taskspec.learn.jobs.running import Running
     from taskspec.show.figures import chart
+    from taskspec.tools.targets import settings
 
     wanted = options.checked_choices("--format", format or chart.possible(["json", "csv", "svg"]), FORMATS)
     written = experiments.read(experiment)

@@ -18,13 +18,13 @@ import pytest
 from taskspec.base.diagnostics import TaskspecError, suggest
 from taskspec.base.display import count_of, listed, plural
 from taskspec.base.files import safe_name
-from taskspec.base.jobs.running import Running
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.asked_tasks import exam_id, suites_of, tasks_of
 from taskspec.learn.exam.card import flag_text, nearest
 from taskspec.learn.exam.examining import examine
 from taskspec.learn.exam.report import write
 from taskspec.learn.exam.results import Exam
+from taskspec.learn.jobs.running import Running
 
 __all__ = ["ExamOutcome", "examined"]
 

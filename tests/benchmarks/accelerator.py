@@ -6,10 +6,11 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.base.extras import is_installed, machine
-from taskspec.base.terminal import console
+from taskspec.base.extras import is_installed
 from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
+from taskspec.learn.jobs.code_hash import machine
+from taskspec.show.terminal.styled_text import console
 from tests.benchmarks import peers, printed
 from tests.benchmarks.race import Contestant, Rate, ours, rates
 from tests.benchmarks.tables import CHOSEN, SUITE

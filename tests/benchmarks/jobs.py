@@ -8,13 +8,13 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from taskspec.base.jobs.running import Running, run
-from taskspec.base.jobs.store import Job, Store
 from taskspec.base.limits import also
 from taskspec.cli.console import say
 from taskspec.experiments import read
 from taskspec.learn.experiments.instances import expand
 from taskspec.learn.experiments.sweeping import jobs_of, wanted_of
+from taskspec.learn.jobs.running import Running, run
+from taskspec.learn.jobs.store import Job, Store
 from tests.benchmarks.exact import memory
 
 JOBS = 2000

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from taskspec.base.extras import machine
-from taskspec.base.terminal import Columns, console
 from taskspec.cli.console import say, write_json
 from taskspec.language.registry import load
 from taskspec.learn.exam.case import Case, ExamTerms
+from taskspec.learn.jobs.code_hash import machine
 from taskspec.learn.learners import learner
+from taskspec.show.terminal.styled_text import Columns, console
 from tests.benchmarks import printed
 
 LEARNERS = ("ppo", "gail_im", "airl_im_sa", "drlhp_sa")

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.envs.speed import ACTIONS, Drive
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.language.task.task import Task
+from taskspec.learn.experiments.speed import ACTIONS, Drive
 
 SOME_LANES = 64
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.envs.speed import ACTIONS, Drive, scalar, stepped
+from taskspec.learn.experiments.speed import ACTIONS, Drive, scalar, stepped
 from tests.benchmarks.race import Contestant
 
 

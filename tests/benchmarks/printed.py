@@ -8,8 +8,8 @@ from itertools import groupby
 from types import TracebackType
 from typing import Any
 
-from taskspec.base.extras import machine
-from taskspec.base.terminal import Columns, VisibleText, console
+from taskspec.learn.jobs.code_hash import machine
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console
 from tests.benchmarks.race import Rate
 from tests.benchmarks.starts import MemoryUse, Start
 

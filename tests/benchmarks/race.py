@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.envs.env import Environment
-from taskspec.envs.speed import Clock, Drive, passes_in, rate, scalar, vector
 from taskspec.language.task.task import Task
+from taskspec.learn.experiments.speed import Clock, Drive, passes_in, rate, scalar, vector
 from tests.benchmarks.limit import limit
 
 

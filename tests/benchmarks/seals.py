@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.extras import machine, need
-from taskspec.base.terminal import Columns, VisibleText, console
+from taskspec.base.extras import need
 from taskspec.cli.console import write_json
+from taskspec.learn.jobs.code_hash import machine
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console
 from tests.benchmarks.peers import empty_scalar
 from tests.benchmarks.printed import Progress, footer, percent
 from tests.benchmarks.race import race, spread

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.terminal import Columns, console
 from taskspec.cli.console import say, write_json
+from taskspec.show.terminal.styled_text import Columns, console
 from tests.benchmarks.tables import SUITE
 from tests.tools.studio.browser import VIEW, Page, chromium, served
 

@@ -19,9 +19,9 @@ from rich.theme import Theme
 from typer.testing import CliRunner
 
 from taskspec.base.extras import is_installed
-from taskspec.base.terminal import STYLES
 from taskspec.programs import backend_table as select
 from taskspec.programs.backend_table import PROGRAMS
+from taskspec.show.terminal.styled_text import STYLES
 from tests.benchmarks import accelerator, chart, learners, printed, tables
 from tests.benchmarks import vector as bench_vector
 from tests.benchmarks.__main__ import app

@@ -12,8 +12,8 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.envs.speed import scalar
 from taskspec.envs.vector import VectorEnvironment
+from taskspec.learn.experiments.speed import scalar
 from taskspec.programs.backend_table import PROGRAMS
 from tests.benchmarks import chart, peers, tables
 from tests.benchmarks.limit import bytes_of_step, copying

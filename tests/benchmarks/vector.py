@@ -12,16 +12,17 @@ from typing import Any
 import typer
 
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
-from taskspec.base.extras import is_installed, machine, need
-from taskspec.base.terminal import console
+from taskspec.base.extras import is_installed, need
 from taskspec.cli.console import misuse, print_diagnostics, say, write_json
 from taskspec.cli.options import checked_choice
-from taskspec.envs.speed import Drive
 from taskspec.language.registry import load
-from taskspec.language.targets import files_of, task_in, variants_of
 from taskspec.language.task.task import Task
+from taskspec.learn.experiments.speed import Drive
+from taskspec.learn.jobs.code_hash import machine
 from taskspec.programs import backend_table as select
 from taskspec.programs.backend_table import BACKENDS, PROGRAMS, QUICKEST
+from taskspec.show.terminal.styled_text import console
+from taskspec.tools.targets import files_of, task_in, variants_of
 from tests.benchmarks import printed, tables
 from tests.benchmarks.chart import draw
 from tests.benchmarks.printed import Progress

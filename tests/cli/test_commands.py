@@ -11,8 +11,8 @@ from rich.cells import cell_len
 
 from taskspec.base.codes import classes, codes
 from taskspec.language.registry import shipped, task_ids
-from taskspec.language.suites import SUITES
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
+from taskspec.show.record import SUITES
 from tests.language.task.test_extends import run as run
 from tests.shared.apart import taskspec
 from tests.shared.commands import Done, spec

@@ -11,8 +11,8 @@ import pytest
 
 import taskspec
 from taskspec.data import demonstrations, preferences, read
-from tests.envs.data.test_data import SUFFIXES, same
 from tests.exact.policies.test_memory import DRAWN, tiger
+from tests.learn.data.test_data import SUFFIXES, same
 from tests.shared.commands import Done
 from tests.shared.specs import spec_file
 

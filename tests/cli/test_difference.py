@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.exact.abstraction.test_difference import CORRIDOR
 from tests.shared.commands import Done, spec
+from tests.tools.test_difference import CORRIDOR
 
 
 def test_the_command_reads_files_ids_values_and_revisions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import render
-from taskspec.exact.check.file_checks import check_file
-from taskspec.language.targets import File
 from taskspec.tools.authoring.checks import examine
+from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.targets import File
 
 FOLDER = Path(__file__).parents[1] / "errors"
 FILES = sorted(FOLDER.glob("*.yaml"))

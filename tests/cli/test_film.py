@@ -12,13 +12,13 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from taskspec.cli.app import app
-from taskspec.envs import recording, window
-from taskspec.language.printers.text import plain
+from taskspec.envs import window
 from taskspec.language.registry import load
 from taskspec.show import figures
-from taskspec.show.figures import Overlay, raster, scene
+from taskspec.show.figures import Overlay, raster, recording, scene
 from taskspec.show.figures.shapes import Box, Label
 from taskspec.show.figures.states import expert_path, state_table
+from taskspec.show.printers.text import plain
 
 matplotlib = pytest.importorskip("matplotlib")
 DERAIL = Path(__file__).parents[2] / "tasks" / "derail"

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from taskspec.base.jobs.running import Interrupted
-from taskspec.base.jobs.store import Store
 from taskspec.cli.console import reported
-from tests.base.jobs.test_jobs import begun, finished, kept, program, wait_for
+from taskspec.learn.jobs.running import Interrupted
+from taskspec.learn.jobs.store import Store
+from tests.learn.jobs.test_jobs import begun, finished, kept, program, wait_for
 
 
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

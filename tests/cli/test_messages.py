@@ -54,7 +54,7 @@ def test_a_fault_of_our_own_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> 
     def broken(*_: Any) -> None:
         raise RuntimeError("oh")
 
-    monkeypatch.setattr("taskspec.language.targets.tasks_of", broken)
+    monkeypatch.setattr("taskspec.tools.targets.tasks_of", broken)
     done = Done("show", "Branching")
     assert done.status == 70
     assert "internal error: RuntimeError: oh" in done.err
@@ -64,7 +64,7 @@ def test_an_interrupt_has_its_own_status(monkeypatch: pytest.MonkeyPatch) -> Non
     def interrupted(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("taskspec.language.targets.tasks_of", interrupted)
+    monkeypatch.setattr("taskspec.tools.targets.tasks_of", interrupted)
     assert Done("show", "Branching").status == 130
 
 

@@ -15,8 +15,8 @@ from scipy import stats
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
-from taskspec.envs import rollouts
 from taskspec.show.pages import facts
+from taskspec.show.terminal import episodes as rollouts
 from tests.shared import commands
 from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files

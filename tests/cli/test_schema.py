@@ -8,13 +8,13 @@ import pytest
 import yaml
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact.check.file_checks import check_file
 from taskspec.language import source
-from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.models import Spec
 from taskspec.tools.authoring.checks import examine
+from taskspec.tools.authoring.file_checks import check_file
 from taskspec.tools.authoring.scaffold import SCAFFOLD
+from taskspec.tools.targets import File
 from tests.language.task.test_json_schema import SHIPPED, Editor, marks
 from tests.language.task.test_json_schema import editor as editor
 from tests.language.task.test_schema import HEAD, WALK, WHOLE

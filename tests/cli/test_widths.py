@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.base.terminal import shared_prefix
+from taskspec.show.terminal.styled_text import shared_prefix
 from tests.shared.commands import Done
 from tests.shared.exams import exam
 from tests.shared.sparse import sparse

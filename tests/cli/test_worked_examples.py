@@ -8,12 +8,12 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from taskspec.cli.app import app
-from taskspec.exact.check.file_checks import check_file
 from taskspec.language import source
-from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.show import pages
 from taskspec.tools.authoring.checks import examine
+from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.targets import File
 from tests.exact.rules.test_examples import AT, SPEC, V
 
 

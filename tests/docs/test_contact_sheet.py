@@ -15,11 +15,11 @@ from docs.tools import contact
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.language import registry
-from taskspec.language.printers.text import plain
 from taskspec.language.task.task import Task
 from taskspec.show.figures import overlay, scene, undrawn
 from taskspec.show.figures.raster import FONTS, mathtext
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene
+from taskspec.show.printers.text import plain
 from tests.shared.sparse import sparse
 
 FONT = FontProperties(family=FONTS)

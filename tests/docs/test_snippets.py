@@ -35,12 +35,12 @@ import pytest
 from gymnasium.envs.registration import registry as gym_registry
 
 from docs.tools import pages, pictures
-from taskspec.exact.check.file_checks import check_file
 from taskspec.language import registry
-from taskspec.language.targets import files_of
 from taskspec.learn.exam import findings, results
 from taskspec.learn.learners import learner
 from taskspec.tools.authoring.checks import check_other, examine
+from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.targets import files_of
 from tests.conftest import needs_vectors
 from tests.shared.apart import Ended, taskspec
 from tests.shared.for_each import for_each

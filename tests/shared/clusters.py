@@ -21,10 +21,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.jobs.running import Running
 from taskspec.exam import examine
 from taskspec.experiments import read, sweep
 from taskspec.learn.experiments.sweeping import WRITERS
+from taskspec.learn.jobs.running import Running
 from tests.learn.learners import counting
 
 EXPERIMENT = """

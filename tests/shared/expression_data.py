@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.language.expressions import syntax as s
-from taskspec.language.printers.text import text
+from taskspec.show.printers.text import text
 
 
 def data(expr: s.Expr) -> Any:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.jobs.running import Interrupted, Running, run
-from taskspec.base.jobs.store import Job, Store
-from taskspec.base.jobs.work import within_limit
+from taskspec.learn.jobs.running import Interrupted, Running, run
+from taskspec.learn.jobs.store import Job, Store
+from taskspec.learn.jobs.work import within_limit
 
 
 def square(x: int, log: str | None = None, seconds: float = 0.0) -> dict[str, int]:

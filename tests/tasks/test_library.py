@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.tools.library import COMPARED, EVIDENCE
-from taskspec.base.bibliography import beside
 from taskspec.language import registry, source
-from taskspec.language.suites import CAPABILITIES
+from taskspec.language.registry import CAPABILITIES
+from taskspec.show.bibliography import beside
 from taskspec.show.figures import scene
 from tests.shared.for_each import for_each
 from tests.shared.specs import ROOT, specs

@@ -40,7 +40,6 @@ KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
     ("W522", spec_warnings.unproved_abstraction),
     ("W528", model_warnings.illegal),
     ("W530", spec_warnings.unknown_capability),
-    ("W531", spec_warnings.unknown_sources),
 )  # codes of warnings, and the functions that find them
 
 
@@ -89,14 +88,6 @@ def _sanity(task: Task, results: Results) -> _Sanity:
         message = f"there is no exact model to look for {', '.join(untried)}: {reason.message}"
         collector.add("W529", context.key("name"), message, reason.hint)
     return _Sanity(collector.diagnostics, tuple(untried))
-
-
-def unknown_sources(task: Task) -> tuple[Diagnostic, ...]:
-    """Return W531 for each source without an entry in a bibliography: its key would be printed as it is."""
-    collector = Collector()
-    for doubt in spec_warnings.unknown_sources(LintContext(task, Results(task))):
-        collector.add("W531", doubt.place, doubt.message, doubt.hint)
-    return collector.diagnostics
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,4 +297,4 @@ def _warnings(task: Task, results: Results) -> _Sanity:
     return _Sanity(diagnostics, untried)
 
 
-ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527", "W531")  # warnings about how a task is drawn and printed

@@ -19,9 +19,8 @@ from taskspec.exact.abstraction.verify import AbstractionCheck, verify
 from taskspec.exact.model.extract import extract, with_reward
 from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.rollout.rollout import EPISODES, Choose, at_random, by_expert, is_bounded, return_range, simulate
-from taskspec.exact.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.exact.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
-from taskspec.exact.solve.enclosure import Enclosure, NoNumber, rounded
+from taskspec.exact.solve.enclosure import CONFIDENCE, Enclosure, NoNumber, mean_interval, rounded
 from taskspec.exact.solve.plans import tables
 from taskspec.exact.solve.solve import Solvers, expectation, why_endless
 from taskspec.language.modifiers.core import informative, storing_observations

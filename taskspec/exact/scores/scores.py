@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, spec_error
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError
 from taskspec.base.display import html_table
 from taskspec.base.files import write_text
 from taskspec.base.limits import tell
@@ -162,46 +160,3 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
         states, actions, results.why_not, tuple(map(str, task.modifiers)), results.measures,
     )  # fmt: skip
-
-
-def read_returns(path: Path) -> list[float]:
-    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or a column of CSV.
-
-    Raises:
-        SpecError: E710 when there is no file, E711 when it has no returns.
-    """
-    if not path.exists():
-        raise spec_error("E710", f"there is no file '{path}'")
-    text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        if path.suffix == ".json":
-            values = _from_json(text)
-        else:
-            values = _from_csv(text)
-    except (ValueError, TypeError, KeyError, IndexError):
-        values = []
-    if not values:
-        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
-    for i, value in enumerate(values, 1):
-        if math.isnan(value):
-            raise spec_error("E711", f"return number {i} of '{path}' is nan")
-    return values
-
-
-def _from_json(text: str) -> list[float]:
-    data = json.loads(text)
-    if isinstance(data, dict):
-        data = data["returns"]
-    return [float(value) for value in data]
-
-
-def _from_csv(text: str) -> list[float]:
-    """Return the column `r` or `return`, else the first one; comments start with `#`."""
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
-    header = [cell.strip().lower() for cell in rows[0]]
-    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
-    try:
-        float(rows[0][column])
-    except ValueError:
-        del rows[0]
-    return [float(row[column]) for row in rows]

@@ -1,4 +1,4 @@
-"""Numbers known to lie between two rationals."""
+"""Numbers known to lie between two rationals, for sure or with some confidence."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ MOST_BITS = 1_000_000
 """The length of numbers that powers may have."""
 SMALLEST = 2.0**-1022
 """The smallest float that is rounded by no more than half a unit of its last place."""
+
+
+CONFIDENCE = 0.95
+"""The probability with which an interval of samples contains the mean, unless another is asked for."""
 
 
 class NoNumber(Exception):
@@ -241,3 +245,30 @@ def _equal(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool | Non
     a = absolute(a)
     b = absolute(b)
     return _decided(farthest <= EQUAL * max(a.low, b.low), nearest > EQUAL * max(a.high, b.high))
+
+
+def mean_interval(mean: float, error: float, count: int, low: float, high: float, confidence: float) -> Enclosure:
+    """Return a confidence interval for the mean of independent numbers between `low` and `high`.
+
+    It holds for every distribution with bounds. The normal approximation fails for rare outcomes: a return of a million with
+    probability 1e-6 leaves no trace in a thousand episodes.
+
+    Source: the narrower of Hoeffding's bound (1963) and the empirical Bernstein bound (Maurer and Pontil 2009, theorem 4),
+    each at half the risk.
+
+    Args:
+        mean, error: of the sample; `error` is its standard error.
+        count: the size of the sample.
+        low, high: the bounds of the numbers.
+        confidence: the probability with which the interval contains the mean.
+    """
+    width = high - low
+    risk = 1 - confidence
+    if not math.isfinite(width):
+        return Enclosure(-math.inf, math.inf)
+    reach = width * math.sqrt(math.log(4 / risk) / (2 * count))
+    if count > 1:
+        log = math.log(8 / risk)
+        reach = min(reach, error * math.sqrt(2 * log) + 7 * width * log / (3 * (count - 1)))
+    interval = Enclosure.around(mean, reach * (1 + 1e-9) + 1e-9 * abs(mean))
+    return Enclosure(max(interval.low, Enclosure.exactly(low).low), min(interval.high, Enclosure.exactly(high).high))

@@ -112,6 +112,14 @@ def written_in(task: Task, section: str) -> Any:
     return task.source.surface.sections.get(section)
 
 
+def axes(task: Task) -> dict[str, int]:
+    """Return the number of axes of each definition and of each noise."""
+    counts = {}
+    for name, lengths in task.source.surface.shapes.items():
+        counts[name] = len(lengths)
+    return counts
+
+
 def argument_axes(task: Task, definition: str, arguments: Iterable[str]) -> dict[str, int]:
     """Return the axes of the arguments with which a definition is called; 0 for one that nothing calls."""
     known = task.source.surface.argument_axes

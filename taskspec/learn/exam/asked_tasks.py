@@ -10,12 +10,12 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.ids import InstanceId
-from taskspec.envs.data.episodes import recorded
-from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.language import registry
 from taskspec.language.modifiers import keeps_observers, modify
-from taskspec.language.task.schema.experiments import ExamDocument
 from taskspec.language.task.task import Task, TaskLike
+from taskspec.learn.data.episodes import recorded
+from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
+from taskspec.learn.documents.shapes import ExamDocument
 
 Modifiers = tuple[str, ...]
 SUITE = "probes"

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from taskspec.base.display import fixed, interval, plural
-from taskspec.base.terminal import Columns, VisibleText, console, line
-from taskspec.exact.rules.score_rules import short_name
+from taskspec.learn.documents.score_rules import short_name
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix, nearest
 from taskspec.learn.exam.comparison import LearnersComparison, compare, lines
 from taskspec.learn.exam.results import Exam
 from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED, SAMPLED, TaskRow, forms_of
 from taskspec.learn.exam.verdicts import MASTERED
+from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
 
 GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
 BOTH = "as published and relabelled"

@@ -12,14 +12,14 @@ import numpy as np
 
 from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.envs.data.episodes import Demonstrations, demonstrations
-from taskspec.envs.data.preferences import WORDS, Teacher, return_ends
-from taskspec.envs.metered import Metered
 from taskspec.language.task.task import Task
+from taskspec.learn.data.episodes import Demonstrations, demonstrations
+from taskspec.learn.data.preferences import WORDS, Teacher, return_ends
 from taskspec.learn.exam.curves import EpisodeReturns, TrainingReturns
+from taskspec.learn.exam.metered import Metered
 
 if TYPE_CHECKING:
-    from taskspec.envs.metered_vector import MeteredVector
+    from taskspec.learn.exam.metered_vector import MeteredVector
 
 
 def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Task:
@@ -319,7 +319,7 @@ class Case:
         Returns:
             a vector environment; a step of all counts once for each.
         """
-        from taskspec.envs.metered_vector import MeteredVector
+        from taskspec.learn.exam.metered_vector import MeteredVector
 
         return MeteredVector(self._judge, lanes, _Meter(self), self._next_seed(), **options)
 

@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exact.rollout.statistics import ALARM, Difference, compared
-from taskspec.exact.rules.score_rules import short_name, side
+from taskspec.learn.documents.score_rules import short_name, side
 from taskspec.learn.exam.curves import area
 from taskspec.learn.exam.results import Exam, Examined, Flag, Score
 from taskspec.learn.exam.verdicts import best_score, by_seed
+from taskspec.learn.statistics import ALARM, Difference, compared
 
 Number = Callable[[Score], float | None]
 Column = tuple[str, str, str]

@@ -17,10 +17,10 @@ from typing_extensions import TypedDict
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed, interval
-from taskspec.exact.rollout.statistics import CONFIDENCE
 from taskspec.learn.exam.curves import steps_to
 from taskspec.learn.exam.results import Exam
 from taskspec.learn.exam.verdicts import MASTERED, by_seed
+from taskspec.learn.statistics import CONFIDENCE
 
 LEVELS = tuple(round(0.1 * i, 1) for i in range(-2, 11))
 """Scores at which performance profiles are given."""

@@ -16,14 +16,10 @@ import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import duration, plural
-from taskspec.base.extras import machine
-from taskspec.base.jobs.engines import Workers
-from taskspec.base.jobs.running import Running, run
-from taskspec.base.jobs.store import Job, Store
 from taskspec.base.limits import written
 from taskspec.language.modifiers import modify
-from taskspec.language.task.schema.experiments import ExamDocument
 from taskspec.language.task.task import Task, TaskLike
+from taskspec.learn.documents.shapes import ExamDocument
 from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, suites_of, tasks_of, twins_of
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.changes import almost, check_comparable
@@ -45,6 +41,10 @@ from taskspec.learn.exam.trial import (
     seeds_and_steps,
 )
 from taskspec.learn.exam.verdicts import verdicts
+from taskspec.learn.jobs.code_hash import machine
+from taskspec.learn.jobs.engines import Workers
+from taskspec.learn.jobs.running import Running, run
+from taskspec.learn.jobs.store import Job, Store
 
 WIDEST = 16
 """Seeds of a block, for learners that train many together."""

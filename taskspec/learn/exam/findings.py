@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from taskspec.base.bibliography import Reference
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
-from taskspec.exact.rollout.statistics import CONFIDENCE
 from taskspec.exact.rules.evaluator import Truth
-from taskspec.exact.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
-from taskspec.exact.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.language.expressions.syntax import Expr
-from taskspec.language.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
+from taskspec.learn.documents.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
+from taskspec.learn.documents.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
+from taskspec.learn.documents.shapes import DiagnosisEntry, FindingEntry, FindingsDocument
 from taskspec.learn.exam.changes import differs
 from taskspec.learn.exam.learned import explanations
 from taskspec.learn.exam.results import Diagnosis, Exam, Flag
+from taskspec.learn.statistics import CONFIDENCE
+from taskspec.show.bibliography import Reference
 
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
 OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")

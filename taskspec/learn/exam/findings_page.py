@@ -10,12 +10,12 @@ from markupsafe import Markup
 
 from taskspec.base.display import duration, listed, visible_json
 from taskspec.base.files import write_text
-from taskspec.base.terminal import Columns, VisibleText
 from taskspec.learn.exam.findings import SLACK, FindingResult, FindingsResult, Outcome
 from taskspec.learn.exam.results import Exam
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
 from taskspec.show.pages.render.html import page_of
+from taskspec.show.terminal.styled_text import Columns, VisibleText
 
 SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
 TINTS: dict[Outcome, str] = {

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Any, Literal
 
-from taskspec.exact.rollout.statistics import ALARM, CONFIDENCE, compared
-from taskspec.exact.rules.score_rules import side
+from taskspec.learn.documents.score_rules import side
 from taskspec.learn.exam.changes import changes, difference_flag
 from taskspec.learn.exam.results import Exam, Examined, Flag, Score
 from taskspec.learn.exam.verdicts import ROUNDING, by_seed
+from taskspec.learn.statistics import ALARM, CONFIDENCE, compared
 
 
 def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:

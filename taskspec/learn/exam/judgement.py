@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from taskspec.exact.rollout.statistics import sign_flip_p_value
 from taskspec.learn.exam.operators import FEWEST, OPERATORS
+from taskspec.learn.statistics import sign_flip_p_value
 
 RIGHT = 0.15
 """What is this near to what is right, as a share of its spread, is right."""

@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from taskspec.base.diagnostics import SpecError, suggest
-from taskspec.exact.rollout.statistics import compared
 from taskspec.language.modifiers import MODIFIERS, modify
 from taskspec.language.modifiers.entry import Kept
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.results import Exam, Flag, LawScore, Score
 from taskspec.learn.exam.verdicts import by_seed
+from taskspec.learn.statistics import compared
 
 __all__ = ["LAWS", "Law", "obeys"]
 

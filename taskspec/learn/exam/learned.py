@@ -10,11 +10,11 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.data.episodes import Demonstrations
 from taskspec.exact.policies.adapters import Predictor, parameters
 from taskspec.exact.policies.files import plain
-from taskspec.exact.policies.values import are_probabilities, is_table, observed_probabilities
+from taskspec.exact.policies.values import are_probabilities, is_table
 from taskspec.language.task.task import Task
+from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read
 from taskspec.learn.exam.judgement import Judgement, Run, judged
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
@@ -22,6 +22,7 @@ from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
 from taskspec.learn.exam.results import Flag, Score
 from taskspec.learn.exam.starc import reward_fields
+from taskspec.learn.observed_policies import observed_probabilities
 
 
 @dataclass(frozen=True, eq=False)

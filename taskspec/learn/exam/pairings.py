@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.envs.data.episodes import Demonstrations
-from taskspec.exact.policies.values import observation_rows
 from taskspec.language.task.task import Task
+from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.exam.operators import APART
+from taskspec.learn.observed_policies import observation_rows
 
 
 @dataclass(frozen=True, eq=False)

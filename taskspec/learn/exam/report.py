@@ -14,7 +14,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.display import interval, plural
 from taskspec.base.extras import install
 from taskspec.base.files import safe_name, whole, write_text
-from taskspec.envs.data.datasets import write_table
+from taskspec.learn.data.datasets import write_table
 from taskspec.learn.exam import card_charts, card_picture
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix
 from taskspec.learn.exam.card_picture import picture, strips

@@ -11,10 +11,10 @@ import numpy as np
 
 from taskspec.base import ids
 from taskspec.base.display import fixed
-from taskspec.exact.rollout.statistics import seeds_interval
-from taskspec.exact.rules.score_rules import seed_means, side
+from taskspec.learn.documents.score_rules import seed_means, side
 from taskspec.learn.exam.results import Grade
 from taskspec.learn.exam.verdicts import MASTERED, WORST_FIRST, mean_score, worst
+from taskspec.learn.statistics import seeds_interval
 
 FLOOR = -1.0
 """The score at which strips clip positions; numbers are printed as they are."""

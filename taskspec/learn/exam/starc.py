@@ -18,7 +18,6 @@ from scipy import sparse
 
 from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.data.tabular import Tabular, tabular
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.model import misused, refuse
 from taskspec.exact.policies.policy import greedy
@@ -26,6 +25,7 @@ from taskspec.exact.solve.backward import action_values, backward, first_values
 from taskspec.exact.solve.infinite_horizon import chain_values
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
+from taskspec.learn.data.tabular import Tabular, tabular
 from taskspec.learn.exam.dynamics import REWARD_CHANGES
 from taskspec.learn.exam.operators import APART
 
@@ -51,7 +51,7 @@ class RewardDistance:
 
 
 def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
-    """Return how far a learned reward is from the true one; exact, on the exact model `taskspec.envs.data.tabular(task)`.
+    """Return how far a learned reward is from the true one; exact, on the exact model `taskspec.learn.data.tabular(task)`.
 
     Args:
         reward: float (S, A, S) over its states and actions, (S, A), (S,) of the state that is left; or a function of observations

@@ -25,17 +25,18 @@ import numpy as np
 from taskspec.base import __version__
 from taskspec.base.arrays import parts_of
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError
-from taskspec.base.jobs.work import within_limit
 from taskspec.base.limits import also
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
-from taskspec.exact.policies.values import ObservedValue, observed_value, policy_value
+from taskspec.exact.policies.values import policy_value
 from taskspec.exact.scores.returns import Results, Return, normalised
 from taskspec.language.modifiers import modify
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.examinee import train_at
 from taskspec.learn.exam.learned import Learned, learned_fields
+from taskspec.learn.jobs.work import within_limit
 from taskspec.learn.learners import CannotLearn
+from taskspec.learn.observed_policies import ObservedValue, observed_value
 
 Row = dict[str, Any]
 """The result of one seed: returns, costs, and points of the learning curve, as JSON data."""

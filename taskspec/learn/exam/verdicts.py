@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from taskspec.exact.rollout.statistics import CONFIDENCE, rate_interval, seeds_interval
-from taskspec.exact.rules.score_rules import seed_means, side
+from taskspec.learn.documents.score_rules import seed_means, side
 from taskspec.learn.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score
+from taskspec.learn.statistics import CONFIDENCE, rate_interval, seeds_interval
 
 MASTERED = 0.9
 """The score from which a seed passes a task."""

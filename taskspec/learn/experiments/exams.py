@@ -9,9 +9,8 @@ from typing import Any
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import safe_name
-from taskspec.base.jobs.running import Running
-from taskspec.language.task.schema.experiments import Experiment
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.shapes import Experiment
 from taskspec.learn.exam import report
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.comparison import compare
@@ -22,6 +21,7 @@ from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance, expand
 from taskspec.learn.experiments.picture import draw
 from taskspec.learn.experiments.sweeping import Measured
+from taskspec.learn.jobs.running import Running
 from taskspec.show.figures import chart
 
 EXAMS = Path("build/exams")

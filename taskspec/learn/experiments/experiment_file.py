@@ -14,7 +14,7 @@ from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.language.registry import tasks_root
 from taskspec.language.source import Document, read_file
 from taskspec.language.source import Path as Place
-from taskspec.language.task.schema.experiments import Experiment, check_document
+from taskspec.learn.documents.shapes import Experiment, check_document
 from taskspec.learn.exam.results import folder_name
 from taskspec.learn.learners import learner
 

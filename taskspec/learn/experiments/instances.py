@@ -11,7 +11,6 @@ from typing import Any
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, spec_error
-from taskspec.base.disk_list import DiskList
 from taskspec.base.limits import limits, tell
 from taskspec.exact.policies.adapters import policy_of
 from taskspec.exact.policies.files import is_function, place_of
@@ -20,8 +19,8 @@ from taskspec.language.modifiers import MODIFIERS, Modifier, modifier, modify
 from taskspec.language.source import Path as Place
 from taskspec.language.task.build import bound_parameters
 from taskspec.language.task.parts import Parameter
-from taskspec.language.task.schema.experiments import SPANS, TaskEntry
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.shapes import SPANS, TaskEntry
 from taskspec.learn.experiments.experiment_file import ExperimentFile, check_axes, check_questions
 from taskspec.learn.experiments.parameter_values import (
     Assignment,
@@ -32,6 +31,7 @@ from taskspec.learn.experiments.parameter_values import (
     sample,
     too_many,
 )
+from taskspec.learn.jobs.store import DiskList
 
 # The modifiers of an experiment: an argument may have several values, each of which makes instances of its own.
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec.base.display import decimal, estimate
-from taskspec.base.terminal import Columns, VisibleText
 from taskspec.learn.experiments.sweeping import Measured
+from taskspec.show.terminal.styled_text import Columns, VisibleText
 
 MEASURES = ("solution_length", "best_at_random")
 """Measures in the table, where the experiment names none; files have all."""

@@ -16,11 +16,7 @@ import numpy as np
 from taskspec.base import __version__, limits
 from taskspec.base.display import json_data
 from taskspec.base.files import whole, whole_text
-from taskspec.base.jobs.code_hash import code_hash
-from taskspec.base.jobs.running import Running, run_many
-from taskspec.base.jobs.store import Job, JobResult, Store
 from taskspec.base.limits import also, tell
-from taskspec.envs.data.datasets import write_table
 from taskspec.exact import Results, Return
 from taskspec.exact.policies.files import is_function, place_of
 from taskspec.exact.scores.difficulty import difficulty
@@ -29,10 +25,14 @@ from taskspec.language import registry
 from taskspec.language.modifiers import modify
 from taskspec.language.source import Document, Packed, packed, unpacked
 from taskspec.language.task.build import build
-from taskspec.language.task.schema.experiments import Experiment
 from taskspec.language.task.task import Task
+from taskspec.learn.data.datasets import write_table
+from taskspec.learn.documents.shapes import Experiment
 from taskspec.learn.experiments.experiment_file import COLUMNS, RETURNS, SPEEDS, ExperimentFile
 from taskspec.learn.experiments.instances import Expanded, Instance, expand
+from taskspec.learn.jobs.code_hash import code_hash
+from taskspec.learn.jobs.running import Running, run_many
+from taskspec.learn.jobs.store import Job, JobResult, Store
 
 
 @lru_cache(maxsize=16)
@@ -93,7 +93,7 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
         found |= {**hard, "why_not": {**_reasons(results), **hard.why_not}}
         found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
         if wanted.speed:
-            from taskspec.envs.speed import steps_per_second
+            from taskspec.learn.experiments.speed import steps_per_second
 
             found |= zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True)
         return found
@@ -113,7 +113,7 @@ def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
     """Return the mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean
     length.
     """
-    from taskspec.envs.data.episodes import recorded
+    from taskspec.learn.data.episodes import recorded
 
     parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
     means = [Return.estimated(part.returns(task.discount)) for part in parts]

@@ -16,7 +16,7 @@ from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
 
 if TYPE_CHECKING:
-    from taskspec.envs.data.episodes import Demonstrations
+    from taskspec.learn.data.episodes import Demonstrations
 
 
 class CannotLearn(SpecError):

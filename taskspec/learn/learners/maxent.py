@@ -14,12 +14,12 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
-from taskspec.envs.data.episodes import Demonstrations
-from taskspec.envs.data.tabular import LookAlike, Tabular, tabular
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.model import NoModel
 from taskspec.exact.solve.backward import backward, first_values
 from taskspec.language.task.task import Task
+from taskspec.learn.data.episodes import Demonstrations
+from taskspec.learn.data.tabular import LookAlike, Tabular, tabular
 from taskspec.learn.learners.interface import CannotLearn, LearnerCase
 from taskspec.learn.learners.table import Matching
 

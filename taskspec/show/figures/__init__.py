@@ -14,7 +14,6 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors, sp
 from taskspec.base.files import write_text
 from taskspec.exact.model.model import Model, NoModel
 from taskspec.exact.soundness.soundness import soundness
-from taskspec.language.printers.tree import Words
 from taskspec.language.registry import load
 from taskspec.language.task.merge import merge
 from taskspec.language.task.parts import DEFAULT, FIGURE_KINDS
@@ -30,6 +29,7 @@ from taskspec.show.figures.states import not_drawn, state_table
 from taskspec.show.figures.vector_formats import svg as svg
 from taskspec.show.figures.vector_formats import tikz as tikz
 from taskspec.show.figures.vector_formats import tikz_colors
+from taskspec.show.printers.tree import Words
 
 _OTHERS = ", ".join(name for name in FIGURE_KINDS if name != DEFAULT)
 HINT = f"{FIGURE_KINDS[DEFAULT].needs}; `figure: {{kind: ...}}` in a spec asks for another figure: {_OTHERS}"

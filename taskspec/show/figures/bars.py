@@ -14,7 +14,6 @@ from taskspec.base.arrays import Array
 from taskspec.base.display import fixed, plural
 from taskspec.language.expressions.interval import bounds
 from taskspec.language.expressions.types import Expression, Kind, Role
-from taskspec.language.printers import tree as m
 from taskspec.language.task.questions import component, elements
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
@@ -22,6 +21,7 @@ from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.series import MOST as FOLLOWED
 from taskspec.show.figures.series import series
 from taskspec.show.figures.states import State, at_state, at_states, episode_path, expert_path, figure_of, reads_of
+from taskspec.show.printers import tree as m
 
 CELLS_UP_TO = 8
 ROWS = 4

@@ -11,7 +11,6 @@ import numpy as np
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
 from taskspec.language.expressions.types import Role
-from taskspec.language.printers import tree as m
 from taskspec.language.task.task import Task
 from taskspec.show.figures.shapes import (
     BROAD,
@@ -27,6 +26,7 @@ from taskspec.show.figures.shapes import (
     sign,
     text_width,
 )
+from taskspec.show.printers import tree as m
 
 Cell = tuple[int, int]
 Way = tuple[float, float]

@@ -15,7 +15,6 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exact.policies.policy import EpisodeBatch, named
 from taskspec.exact.rollout.rollout import Rollout
-from taskspec.language.printers import tree as m
 from taskspec.language.task.parts import Component
 from taskspec.language.task.task import Task
 from taskspec.show.figures import scene
@@ -23,6 +22,7 @@ from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.shapes import WORD, Item, Label, Scene, text_width
 from taskspec.show.figures.states import STEPS, first_lane
 from taskspec.show.figures.vector_formats import svg_document, svg_item
+from taskspec.show.printers import tree as m
 
 FRAMES = 12  # the largest number of frames, of the start of an episode or evenly spread over it
 ITEMS = 600  # the largest number of items in a frame

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from taskspec.base.display import plural
-from taskspec.language.printers import tree as m
 from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
 from taskspec.show.figures.layout import DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.show.figures.machine import Machine, explore
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
+from taskspec.show.printers import tree as m
 
 LOOPS_UP_TO = 6
 NAMED = 5  # as many actions on one arrow are all named

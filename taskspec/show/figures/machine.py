@@ -14,9 +14,6 @@ from taskspec.base.limits import limits
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
 from taskspec.language.expressions.types import Role
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import Notation, of_task
-from taskspec.language.printers.text import plain
 from taskspec.language.registry import load
 from taskspec.language.task.parts import DEFAULT, Component
 from taskspec.language.task.questions import reads_time
@@ -24,6 +21,9 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures import shapes as sc
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.states import as_printed, at_states, figure_of, reads_of
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import Notation, of_task
+from taskspec.show.printers.text import plain
 
 MAX_STATES = 1500
 MAX_TRANSITIONS = 20_000

@@ -15,8 +15,6 @@ from taskspec.base.display import plural
 from taskspec.exact.model.space import Space
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.types import TIME, Expression, Role
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import of_task
 from taskspec.language.task.parts import are_finite
 from taskspec.language.task.questions import component, is_random, period
 from taskspec.language.task.task import Task
@@ -24,6 +22,8 @@ from taskspec.show.figures.board import central
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.shapes import ROLES, Box, Circle, Item, Label, Line, Point, Scene, fitted, sign, signed
 from taskspec.show.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, reads_of
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import of_task
 
 WIDTH = 5.0
 HEIGHT = 3.0  # of the plane of a curve or a phase portrait, in centimetres

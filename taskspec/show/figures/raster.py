@@ -13,9 +13,9 @@ import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.text import plain
 from taskspec.show.figures.shapes import COLORS, Box, Circle, Label, Line, Scene, head, shaft
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.text import plain
 
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks

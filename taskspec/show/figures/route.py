@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from taskspec.language.printers import tree as m
 from taskspec.show.figures.shapes import BROAD, RADIUS, ROUND, Anchor, Label, Line, Point, head, text_width
+from taskspec.show.printers import tree as m
 
 T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)

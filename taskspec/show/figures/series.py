@@ -12,10 +12,6 @@ from taskspec.base.display import plural
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.interval import bounds
 from taskspec.language.expressions.types import Expression
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.expressions import mathematics
-from taskspec.language.printers.names import expression, of_task
-from taskspec.language.printers.pieces import indexed
 from taskspec.language.task.parts import Component
 from taskspec.language.task.questions import component, constant, elements, period
 from taskspec.language.task.task import Task
@@ -23,6 +19,10 @@ from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, runs
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.show.figures.states import STEPS, State, at_state, episode_path, figure_of
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.expressions import mathematics
+from taskspec.show.printers.names import expression, of_task
+from taskspec.show.printers.pieces import indexed
 
 MOST = 6  # numbers that are followed
 FEW_STEPS = 12  # each is marked

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, assert_never
 
 from taskspec.base.display import number, small_fraction
-from taskspec.language.printers import tree as m
+from taskspec.show.printers import tree as m
 
 BROAD = 1.15  # how much wider labels may be in the broadest of the fonts that figures are shown in
 Color = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]

@@ -17,12 +17,12 @@ from taskspec.language.expressions import batch
 from taskspec.language.expressions.evaluate import Flat, evaluate
 from taskspec.language.expressions.types import TIME, Expression, Kind, Role
 from taskspec.language.expressions.variates import sampler
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import of_task
 from taskspec.language.task.parts import DEFAULT, Component, Figure
 from taskspec.language.task.questions import is_random
 from taskspec.language.task.task import Task
 from taskspec.show.figures.shapes import Box, Item, Label, Line, Scene, fitted, text_width
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import of_task
 
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]

@@ -6,10 +6,10 @@ from html import escape
 from typing import assert_never
 
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.markup import latex
-from taskspec.language.printers.text import plain
 from taskspec.show.figures import shapes as sc
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.markup import latex
+from taskspec.show.printers.text import plain
 
 SCALE = 38.0  # pixels in a centimetre
 _FONTS = "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from taskspec.base.bibliography import Reference, beside
 from taskspec.base.display import decimal, setting, small_fraction, visible
 from taskspec.exact import Return
 from taskspec.language.registry import shipped
-from taskspec.language.task.record import count, domain_words, space_words
 from taskspec.language.task.task import Task
+from taskspec.show.bibliography import Reference, beside
 from taskspec.show.pages.facts import Facts
 from taskspec.show.pages.render.markdown import escape
+from taskspec.show.record import count, domain_words, space_words
 
 LICENSE = "MIT"  # the licence of the tasks that come with the package; the authors of other specs give their own
 TITLES = {"parameter": "parameter {}", "modifier": "modifier {}", "space": "{} space"}

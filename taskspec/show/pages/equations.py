@@ -9,17 +9,17 @@ from itertools import groupby
 from typing import Any
 
 from taskspec.language.expressions import syntax as s
-from taskspec.language.printers import rewrites
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.expressions import ExpressionWriter, condition, mathematics
-from taskspec.language.printers.idioms import interval
-from taskspec.language.printers.names import Notation, expression, of_task, symbol
-from taskspec.language.printers.pieces import indexed, prime
 from taskspec.language.task.names import signature
 from taskspec.language.task.questions import written_in
 from taskspec.language.task.schema.models import Spec
 from taskspec.language.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.language.task.task import Task
+from taskspec.show.printers import rewrites
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.expressions import ExpressionWriter, condition, mathematics
+from taskspec.show.printers.idioms import interval
+from taskspec.show.printers.names import Notation, expression, of_task, symbol
+from taskspec.show.printers.pieces import indexed, prime
 
 LETTERS = ("xi", "zeta", "chi", "eta")  # letters for what is drawn inside an expression, the usual one first
 

@@ -12,11 +12,11 @@ from taskspec.base.display import small_fraction
 from taskspec.exact import Model, Report, Results, Return, Verdict, pomdp_bounds, verdicts, wrong_examples
 from taskspec.exact.scores.returns import CLAIMS
 from taskspec.exact.solve.enclosure import Enclosure
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.text import plain
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.show.pages.prose import CellTable, Formula, Inlines, Mark, Text
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.text import plain
 
 Value = int | float | Fraction
 

@@ -10,14 +10,14 @@ from typing import Any, assert_never
 
 from markupsafe import Markup
 
-from taskspec.base.bibliography import Reference
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.markup import mathml
-from taskspec.language.printers.text import plain
+from taskspec.show.bibliography import Reference
 from taskspec.show.pages import prose as p
 from taskspec.show.pages.render import html_environment
 from taskspec.show.pages.sections import Section, SectionLine
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.markup import mathml
+from taskspec.show.printers.text import plain
 
 BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
 FITS = 24.0  # letters of a formula that small screens have room for

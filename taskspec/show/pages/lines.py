@@ -8,18 +8,18 @@ from typing import Any
 
 from taskspec.base.display import lettered, number
 from taskspec.language.expressions import syntax as s
-from taskspec.language.printers import idioms
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.expressions import ExpressionWriter
-from taskspec.language.printers.names import expression
-from taskspec.language.printers.rewrites import draws, is_draw
-from taskspec.language.printers.text import text
 from taskspec.language.task.names import signature
 from taskspec.language.task.parts import Component, Soft
 from taskspec.language.task.questions import argument_axes
 from taskspec.language.task.schema.typed import ComponentEntry
 from taskspec.show.pages.equations import Writing, unchanged
 from taskspec.show.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
+from taskspec.show.printers import idioms
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.expressions import ExpressionWriter
+from taskspec.show.printers.names import expression
+from taskspec.show.printers.rewrites import draws, is_draw
+from taskspec.show.printers.text import text
 
 _SPACES = {
     "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",

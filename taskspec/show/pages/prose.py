@@ -13,8 +13,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.tex import read as read_tex
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.tex import read as read_tex
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt

@@ -13,9 +13,6 @@ from taskspec.exact.rules.claim_rules import MODELS, RESULTS
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.types import Role
 from taskspec.language.modifiers import sentences
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import expression
-from taskspec.language.printers.text import text
 from taskspec.language.task.build import build_abstract
 from taskspec.language.task.parts import Claim, Example, Followed, are_finite, counts_of
 from taskspec.language.task.spaces import SpaceLayout
@@ -26,6 +23,9 @@ from taskspec.show.pages import prose as p
 from taskspec.show.pages.equations import Writing
 from taskspec.show.pages.facts import Facts, Setting
 from taskspec.show.pages.lines import Maker, formula
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import expression
+from taskspec.show.printers.text import text
 
 T = TypeVar("T")
 NOT_HERE = p.Mark(False, "not for these values")  # the mark of a claim that is about other values of the parameters

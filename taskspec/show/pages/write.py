@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base import __version__
-from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import listed, visible_json
 from taskspec.base.files import safe_name, write_text
@@ -18,10 +17,10 @@ from taskspec.base.limits import tell, telling
 from taskspec.exact import scores
 from taskspec.exact.check.report import Report
 from taskspec.language.registry import load
-from taskspec.language.task.record import record
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.programs.scalar import compile_scalar
+from taskspec.show.bibliography import beside
 from taskspec.show.figures import scene, svg
 from taskspec.show.pages import facts
 from taskspec.show.pages.facts import Facts, gather
@@ -30,6 +29,7 @@ from taskspec.show.pages.render.html import site
 from taskspec.show.pages.render.latex import document
 from taskspec.show.pages.render.markdown import markdown
 from taskspec.show.pages.render.suite import Suite, setting_anchor
+from taskspec.show.record import record
 
 _WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
     "latex": document, "html": site, "markdown": markdown,

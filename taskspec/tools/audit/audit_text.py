@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec.base.display import decimal, plural
-from taskspec.base.terminal import Columns, console, line
+from taskspec.show.terminal.styled_text import Columns, console, line
 from taskspec.tools.audit.findings import Audit
 from taskspec.tools.audit.subject import first_difference, shown
 

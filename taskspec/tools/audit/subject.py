@@ -16,8 +16,8 @@ import gymnasium
 import numpy as np
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.base.jobs.work import Late, interrupted, late
 from taskspec.exact.policies.files import function_of, is_function
+from taskspec.learn.jobs.work import Late, interrupted, late
 
 MOST_STEPS = 1000
 """Steps after which a random episode is cut."""

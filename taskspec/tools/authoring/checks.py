@@ -8,17 +8,18 @@ from pathlib import Path
 
 from taskspec import exact
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.exact.check.file_checks import FileCheck, FileReport, check_file, run_checks
 from taskspec.exact.check.report import Report
-from taskspec.exact.check.spec_warnings import look_alikes
-from taskspec.exact.rules.rule_books import read_exam, read_findings
 from taskspec.language.source import Kind
-from taskspec.language.targets import File
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.rule_books import read_exam, read_findings
 from taskspec.learn.experiments.experiment_file import read
 from taskspec.learn.experiments.instances import expand
 from taskspec.programs.agreement import EVERY, QUICK
+from taskspec.show.bibliography import unknown_sources
 from taskspec.show.figures import undrawn
+from taskspec.show.printers.look_alikes import look_alikes
+from taskspec.tools.authoring.file_checks import FileCheck, FileReport, check_file, run_checks
+from taskspec.tools.targets import File
 
 
 def check_files(
@@ -63,7 +64,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True, all_backends:
 
 
 def _looks(task: Task) -> list[Diagnostic]:
-    return [*undrawn(task), *look_alikes(task)]
+    return [*undrawn(task), *look_alikes(task), *unknown_sources(task)]
 
 
 def check_other(path: Path, kind: Kind) -> FileReport:

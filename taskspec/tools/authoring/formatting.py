@@ -15,10 +15,10 @@ from taskspec.base.diagnostics import Diagnostic, Fix, SpecError
 from taskspec.base.files import write_text
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import parse
-from taskspec.language.printers import text as printed
 from taskspec.language.source import Document, Path, read_text
 from taskspec.language.source.document import compose
 from taskspec.language.source.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from taskspec.show.printers import text as printed
 from taskspec.tools.authoring.analysis import analyse
 
 LONGEST = 120

@@ -18,11 +18,11 @@ from taskspec.language.expressions.interval import bounds
 from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value
 from taskspec.language.expressions.types import Domain, Expression, Kind, Refused
-from taskspec.language.printers import text as printed
 from taskspec.language.source import Path
 from taskspec.language.task.names import signature
 from taskspec.language.task.questions import constant
 from taskspec.language.task.schema.export import forms_of, json_schema, schemas_at
+from taskspec.show.printers import text as printed
 from taskspec.tools.authoring.analysis import Analysis
 from taskspec.tools.authoring.repair import cursor, word_at
 

@@ -75,10 +75,10 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     """Yield the problems of all tasks of a spec, then their scores."""
     from taskspec import exact
     from taskspec.base.diagnostics import SpecError, records
-    from taskspec.exact.check.file_checks import check_file
     from taskspec.language.registry import suite_of
-    from taskspec.language.targets import File
     from taskspec.tools.authoring.checks import examine
+    from taskspec.tools.authoring.file_checks import check_file
+    from taskspec.tools.targets import File
 
     file = File(Path(name), suite_of(name), text=text)
     report = check_file(file, examine)

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.exact.solve.outcomes import Outcome
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.reading import MOST_BYTES, Contents, ForeignFile, Row, assembled, guarded
 
 COLUMNS = {

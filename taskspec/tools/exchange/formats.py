@@ -22,13 +22,13 @@ from taskspec.exact.model.model import Model, NoModel
 from taskspec.exact.solve.backward import Greedy, Uniform
 from taskspec.exact.solve.outcomes import LARGEST_TABLE, Number
 from taskspec.exact.solve.solve import Solvers
-from taskspec.exact.tables.frozen_task import FrozenTask, cleared, plain_names, separated, tables
-from taskspec.exact.tables.spec_text import has_mean_rewards
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb
+from taskspec.tools.exchange.frozen_task import FrozenTask, cleared, plain_names, separated, tables
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded, listed
 from taskspec.tools.exchange.settled import ENDED, PHASE, property_of, settled, unsettled
+from taskspec.tools.exchange.spec_text import has_mean_rewards
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.limits import limits
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
-from taskspec.exact.tables.frozen_task import FrozenTask, plain_names
+from taskspec.tools.exchange.frozen_task import FrozenTask, plain_names
 
 MOST_BYTES = 50_000_000
 """The size of a file, unpacked."""

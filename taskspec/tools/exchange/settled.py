@@ -8,7 +8,7 @@ from fractions import Fraction
 from itertools import chain
 
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, merged
-from taskspec.exact.tables.frozen_task import FrozenTask, cleared
+from taskspec.tools.exchange.frozen_task import FrozenTask, cleared
 
 FIRST = "draw"
 """The label of the state that draws the first state of an episode, where that is not always the same."""

@@ -19,8 +19,8 @@ from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.enclosure import Enclosure, digits
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import Finite, Solver, Solvers
-from taskspec.exact.tables.frozen_task import FrozenTask
 from taskspec.tools.exchange import umb
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.settled import END, at_random, property_of, settled
 
 MOST_WORK = 20_000_000

@@ -21,7 +21,7 @@ import numpy as np
 
 from taskspec.base import __version__
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.reading import MOST_OUTCOMES, Contents, ForeignFile, assembled, listed
 from taskspec.tools.exchange.settled import END, FIRST
 

@@ -17,11 +17,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_error
 from taskspec.base.display import decimal, json_data
 from taskspec.base.ids import assigned
-from taskspec.base.jobs.work import Late, interrupted, late
 from taskspec.exact.check.report import Report
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.rules.examples import wrong_examples
@@ -29,16 +27,17 @@ from taskspec.exact.scores.returns import Results
 from taskspec.exact.soundness.soundness import examine
 from taskspec.language.registry import suite_of
 from taskspec.language.source import packed
-from taskspec.language.targets import File, name_of, task_in, variants_of
 from taskspec.language.task.parts import Parameter
-from taskspec.language.task.schema.experiments import Experiment
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.shapes import Experiment
 from taskspec.learn.exam import report, results
 from taskspec.learn.exam.card import card
 from taskspec.learn.experiments.experiment_file import RETURNS
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.picture import figure
 from taskspec.learn.experiments.sweeping import Measured, Questions, measure
+from taskspec.learn.jobs.work import Late, interrupted, late
+from taskspec.show.bibliography import beside
 from taskspec.show.figures import chart, scene, svg
 from taskspec.show.pages import gather, page
 from taskspec.show.pages.facts import Facts, Setting, by_claim, lines
@@ -51,6 +50,7 @@ from taskspec.show.pages.sections import results as result_sections
 from taskspec.show.pages.write import gather_pages
 from taskspec.tools.studio import episodes
 from taskspec.tools.studio.folder import FileRefused, Folder, text_of
+from taskspec.tools.targets import File, name_of, task_in, variants_of
 
 
 class Question:

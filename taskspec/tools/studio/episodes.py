@@ -12,10 +12,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.display import number, small_fraction
 from taskspec.envs import Environment, window
-from taskspec.envs.rollouts import ENDINGS, action_words, policy_for, rollouts
 from taskspec.exact.model.extract import lasting
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.policies.files import is_function, is_script
+from taskspec.exact.policies.files import is_function
 from taskspec.exact.policies.policy import greedy
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Boltzmann, Greedy, Plan, Rule, Uniform, action_values, backward
@@ -30,6 +29,8 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures import scene, svg
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.states import reads_of, state_table
+from taskspec.show.terminal.episodes import ENDINGS, action_words, policy_for, rollouts
+from taskspec.show.terminal.scripts import is_script
 from taskspec.tools.studio.folder import Folder
 
 MOST_STATES = 500

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.data import demonstrations
 from taskspec.exact import difficulty, scores
-from taskspec.exact.policies.values import observed_value
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Boltzmann, Uniform
 from taskspec.exact.solve.constrained import constrained_optimum, pareto_front
@@ -169,36 +167,6 @@ def test_absorbed_states_allow_all_actions(tmp_path: Path) -> None:
     while not over:
         *_, over, info = env.step(env.action_space.sample())
     assert env.state["absorbed"] and info["action_mask"].tolist() == [1, 1, 1, 1]
-
-
-def test_named_policies_are_legal_and_return_what_is_computed(tmp_path: Path) -> None:
-    task = ring(tmp_path, 4, 50)
-    for policy, which in (("random", "random"), ("expert", "expert"), ("optimal", "optimal"), ("epsilon(0.5)", None)):
-        shown = demonstrations(task, policy, episodes=4000, seed=1)
-        assert all(is_legal(s, a) for s, a in zip(shown.obs.tolist(), shown.acts.tolist(), strict=True))
-        if which is None:
-            continue
-        weights = GAMMA ** np.concatenate([np.arange(n) for n in shown.lengths])
-        returns = np.add.reduceat(weights * shown.rews, shown.starts)
-        error = 5 * returns.std() / math.sqrt(len(returns))
-        assert returns.mean() == pytest.approx(value(4, 50, CHOICES[which]), abs=error + 1e-9)
-
-
-def test_tables_of_learners_are_restricted_to_legal_actions(tmp_path: Path) -> None:
-    task = ring(tmp_path, 4, 50)
-    Q = np.random.default_rng(0).normal(size=(5, 4))
-
-    def greedy(s: int, values: dict[int, float]) -> float:
-        return values[max(values, key=lambda a: Q[s, a])]
-
-    found = observed_value(Results(task), Q, 0)
-    assert found.deterministic.value == found.stochastic.value == pytest.approx(value(4, 50, greedy))
-    pi = np.exp(Q) / np.exp(Q).sum(axis=1, keepdims=True)
-
-    def drawn(s: int, values: dict[int, float]) -> float:
-        return sum(pi[s, a] * values[a] for a in values) / sum(pi[s, a] for a in values)
-
-    assert observed_value(Results(task), pi, 0).stochastic.value == pytest.approx(value(4, 50, drawn))
 
 
 def test_what_plays_illegal_actions_has_the_effect_of_the_equations(tmp_path: Path) -> None:

@@ -25,7 +25,6 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.language import source
 from taskspec.language.task.build import attempts
 from taskspec.language.task.schema.check import check_shape
-from taskspec.language.task.schema.experiments import Experiment, document_schema
 from taskspec.language.task.schema.export import json_schema
 from tests.shared.for_each import for_each
 from tests.shared.specs import specs
@@ -83,10 +82,7 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
         if "error:" in comment or "skip:" in comment or page.stem == "errors":
             continue
         data = yaml.safe_load(body)
-        if "experiment" in data:
-            Draft202012Validator(document_schema(Experiment)).validate(data)
-            continue
-        if "learner" in data:
+        if "experiment" in data or "learner" in data:
             continue
         if "taskspec" in data:
             last = data

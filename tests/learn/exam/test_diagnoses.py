@@ -11,9 +11,9 @@ import pytest
 from docs.tools.probes import scores
 from taskspec import load
 from taskspec.exact.policies.values import policy_value
-from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.exact.scores.returns import Results
-from taskspec.language.task.schema.experiments import DiagnosisEntry
+from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
+from taskspec.learn.documents.shapes import DiagnosisEntry
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.findings import diagnose
 from taskspec.learn.exam.mistakes import MISTAKES

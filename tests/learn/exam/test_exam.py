@@ -12,11 +12,11 @@ import pytest
 import scipy.stats
 
 import taskspec
-from taskspec.exact.rollout.statistics import differences, rate_interval, seeds_interval
 from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
 from taskspec.learn.exam.card import card
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.verdicts import mean_score
+from taskspec.learn.statistics import differences, rate_interval, seeds_interval
 from tests.learn.learners import counting
 from tests.shared.commands import Done, spec
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
-from taskspec.exact.rules.rule_books import read_exam
 from taskspec.language import registry
-from taskspec.language.task.schema.experiments import ExamDocument, document_schema
+from taskspec.learn.documents.rule_books import read_exam
+from taskspec.learn.documents.shapes import ExamDocument, document_schema
 from taskspec.learn.exam import findings
-from tests.exact.rules.test_exam_rules import HEAD, MASTERED, SUITE, TASKS
+from tests.learn.documents.test_rule_books import HEAD, MASTERED, SUITE, TASKS
 from tests.shared.commands import Done
 from tests.shared.exams import entry, exam
 

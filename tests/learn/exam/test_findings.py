@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact.rules.rule_books import read_findings
 from taskspec.language import registry
-from taskspec.language.task.schema.experiments import FindingsDocument, document_schema
+from taskspec.learn.documents.rule_books import read_findings
+from taskspec.learn.documents.shapes import FindingsDocument, document_schema
 from taskspec.learn.exam.findings import diagnose, evaluate
 from taskspec.learn.exam.findings_page import html, markdown
 from taskspec.learn.exam.results import LIMIT

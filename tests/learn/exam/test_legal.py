@@ -9,13 +9,13 @@ import pytest
 
 from taskspec import load
 from taskspec.base.diagnostics import SpecError
-from taskspec.exact.policies.values import observed_value
 from taskspec.exact.scores.returns import Results
 from taskspec.language.task.legal import action_mask, choices, legal_at_random, restricted
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.fingerprints import fingerprint
 from taskspec.learn.exam.trial import baselines
 from taskspec.learn.experiments.references import monte_carlo, q_learning
+from taskspec.learn.observed_policies import observed_value
 
 TASK = "textbook/Gambler?goal=10&start=5"
 

@@ -16,9 +16,9 @@ from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.learn.exam.asked_tasks import twins_of
-from tests.envs.data.test_teachers import TWICE
 from tests.exact.check.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 from tests.exact.policies.test_memory import tiger
+from tests.learn.data.test_teachers import TWICE
 
 pytestmark = pytest.mark.usefixtures("warm")
 

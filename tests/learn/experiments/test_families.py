@@ -11,7 +11,7 @@ import pytest
 from taskspec.base.limits import written
 from taskspec.exam import Case, learns_from
 from taskspec.learn.exam.examinee import Examinee
-from taskspec.learn.experiments.races import family_of, race, rounds
+from taskspec.tools.separation.races import family_of, race, rounds
 from tests.shared.sparse import sparse
 
 SHIPPED = ("aliased", "chains", "delays", "grids", "levers", "marks", "measured", "tables", "trees")

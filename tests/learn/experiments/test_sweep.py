@@ -12,11 +12,11 @@ import pytest
 import taskspec
 from taskspec import experiments
 from taskspec.base import limits
-from taskspec.base.jobs.running import Running
-from taskspec.base.jobs.store import Store
 from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.experiments import sweep
 from taskspec.learn.experiments import picture
+from taskspec.learn.jobs.running import Running
+from taskspec.learn.jobs.store import Store
 from tests.shared.charts import assert_legible
 from tests.shared.commands import Done
 

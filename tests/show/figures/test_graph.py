@@ -9,7 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec.cli.app import app
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
@@ -17,6 +16,7 @@ from taskspec.show.figures import Overlay, scene
 from taskspec.show.figures.machine import NAMED, Machine, explore
 from taskspec.show.figures.overlays import OVERLAYS, overlay
 from taskspec.show.figures.shapes import Box, Label, Scene
+from taskspec.show.printers.text import plain
 from tests.docs.test_contact_sheet import outside, overlapping
 
 CHAIN = """

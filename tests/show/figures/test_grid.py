@@ -8,12 +8,12 @@ import pytest
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.language import registry
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.figures import Overlay, overlay, scene, undrawn
 from taskspec.show.figures.board import CELL
 from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
+from taskspec.show.printers.text import plain
 from tests.docs.test_contact_sheet import extent, letters, outside, overlapping
 
 SPECS = Path(__file__).parents[2] / "specs" / "figures"

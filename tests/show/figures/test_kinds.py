@@ -10,10 +10,10 @@ import pytest
 
 import taskspec
 from taskspec.language import registry
-from taskspec.language.printers.text import plain
 from taskspec.show.figures import Overlay, scene
 from taskspec.show.figures.plane import HEIGHT, WIDTH
 from taskspec.show.figures.shapes import Box, Label, Line, Scene, text_width
+from taskspec.show.printers.text import plain
 
 BITS = """\
 taskspec: 1

@@ -13,13 +13,13 @@ import taskspec
 from taskspec import load, make_vec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.show.figures import Overlay, render_frame, scene, undrawn
 from taskspec.show.figures.series import series
 from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
+from taskspec.show.printers.text import plain
 from tests.docs.test_contact_sheet import outside, overlapping
 from tests.shared.specs import without_figure
 

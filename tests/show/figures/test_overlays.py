@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from taskspec.language import registry
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.show.figures import OVERLAYS, overlay, scene
 from taskspec.show.figures.shapes import Box, Label, text_width
+from taskspec.show.printers.text import plain
 from tests.shared.tasks import ROAD
 
 CUE = """\

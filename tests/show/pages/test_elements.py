@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cache
 
 from taskspec.language.expressions.parse import parse
-from taskspec.language.printers.expressions import ExpressionWriter, mathematics
-from taskspec.language.printers.names import Notation, nowhere, of_task
-from taskspec.language.printers.rewrites import rank
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.pages.equations import Writing
+from taskspec.show.printers.expressions import ExpressionWriter, mathematics
+from taskspec.show.printers.names import Notation, nowhere, of_task
+from taskspec.show.printers.rewrites import rank
+from taskspec.show.printers.text import plain
 from tests.shared.for_each import for_each
 
 SPEC = """

@@ -13,7 +13,6 @@ import pytest
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.language import registry
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
@@ -25,6 +24,7 @@ from taskspec.show.figures.states import first_state
 from taskspec.show.figures.vector_formats import svg
 from taskspec.show.pages import gather, write
 from taskspec.show.pages.page import anchor
+from taskspec.show.printers.text import plain
 from tests.shared.for_each import for_each
 from tests.shared.specs import spec_file, varied_files, without_figure
 

@@ -14,11 +14,11 @@ import pytest
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.extras import need
 from taskspec.language import registry
-from taskspec.language.printers import tex
-from taskspec.language.printers.markup import mathml
 from taskspec.language.task.task import Task
 from taskspec.show.pages.facts import gather
 from taskspec.show.pages.write import gather_pages, write
+from taskspec.show.printers import tex
+from taskspec.show.printers.markup import mathml
 from tests.shared.specs import varied_files
 
 ROOT = Path(__file__).parents[3]

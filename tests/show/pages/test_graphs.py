@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import pytest
 
-from taskspec.language.printers.text import plain
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
@@ -19,6 +18,7 @@ from taskspec.show.figures.layout import drawings, ordered
 from taskspec.show.figures.machine import explore
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
 from taskspec.show.figures.vector_formats import svg, tikz
+from taskspec.show.printers.text import plain
 from tests.shared.for_each import for_each
 from tests.shared.work import calls
 

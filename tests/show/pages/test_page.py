@@ -17,8 +17,6 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Return
 from taskspec.language import registry
 from taskspec.language.expressions.parse import parse
-from taskspec.language.printers import plain
-from taskspec.language.printers.names import nowhere
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.parts import Claim
@@ -28,6 +26,8 @@ from taskspec.show.pages.facts import Facts, gather, number
 from taskspec.show.pages.page import page
 from taskspec.show.pages.prose import Formula, Inlines, Mark, Text
 from taskspec.show.pages.write import write
+from taskspec.show.printers import plain
+from taskspec.show.printers.names import nowhere
 from tests.shared.commands import Done
 from tests.shared.for_each import for_each
 

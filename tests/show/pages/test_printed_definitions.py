@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskspec.language.expressions.parse import parse
-from taskspec.language.printers import latex, mathml, plain
-from taskspec.language.printers.names import nowhere
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.pages import page
 from taskspec.show.pages.prose import Formula, Text
+from taskspec.show.printers import latex, mathml, plain
+from taskspec.show.printers.names import nowhere
 from tests.verification.printed import algebra as al
 from tests.verification.printed import latex as tex
 from tests.verification.printed import mathml as xml

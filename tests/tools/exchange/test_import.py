@@ -15,11 +15,11 @@ import yaml
 from taskspec import load
 from taskspec.exact import Results
 from taskspec.exact.scores.difficulty import best_observing
-from taskspec.exact.tables.frozen_task import FrozenTask
-from taskspec.exact.tables.spec_text import spec_text, task_of_tables
 from taskspec.language.task.legal import with_all_actions
 from taskspec.tools.exchange import formats
 from taskspec.tools.exchange.formats import imported
+from taskspec.tools.exchange.frozen_task import FrozenTask
+from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from tests.shared.commands import Done, spec
 from tests.tools.exchange.umb_files import REWARD, model
 

@@ -12,11 +12,11 @@ from taskspec import load
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results
 from taskspec.exact.scores.difficulty import best_observing
-from taskspec.exact.tables.spec_text import task_of_tables
 from taskspec.language.registry import known
 from taskspec.tools.exchange import formats, storm
 from taskspec.tools.exchange.formats import imported
 from taskspec.tools.exchange.settled import settled
+from taskspec.tools.exchange.spec_text import task_of_tables
 from tests.shared.commands import Done, spec
 
 FLOATS = {

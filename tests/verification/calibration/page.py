@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from docs.tools.markdown import filled, table
-from taskspec.exact.rollout.statistics import rate_interval
+from taskspec.learn.statistics import rate_interval
 from tests.verification.calibration.exams import Asked, Told
 from tests.verification.calibration.wrong import mistakes
 

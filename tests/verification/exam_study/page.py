@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from taskspec.exact.rollout.statistics import rate_interval
+from taskspec.learn.statistics import rate_interval
 from tests.verification.exam_study.bugs import Bug, bugs
 from tests.verification.exam_study.exams import PARTS, ROOT, SEEDS, Found
 

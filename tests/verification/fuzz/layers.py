@@ -26,15 +26,15 @@ import taskspec
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.exact.check.file_checks import check_file
 from taskspec.language.source import Document, read_file
-from taskspec.language.targets import File
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import variant_names
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.task import Task
 from taskspec.show import pages
 from taskspec.tools.authoring.checks import examine
+from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.targets import File
 
 PACKAGE = Path(pages.__file__).parents[1]
 FOLDER = next((p for p in (Path("/dev/shm"),) if os.access(p, os.W_OK)), Path(tempfile.gettempdir()))

@@ -27,7 +27,7 @@ ROOMS = {
     "policies": Room("taskspec/exact/policies", ("policies", "scores", "data")),
     "rules": Room("taskspec/exact/rules", ("rules", "exam")),
     "check": Room("taskspec/exact/check", ("check",)),
-    "printers": Room("taskspec/language/printers", ("printers", "pages")),
+    "printers": Room("taskspec/show/printers", ("printers", "pages")),
 }
 
 OF_ALL = ("test_oracle", "test_invariants", "test_generated_source")

@@ -17,9 +17,9 @@ from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
 from scipy import stats
 
 import taskspec
-from taskspec.envs.data.tabular import tabular
 from taskspec.language import draws
 from taskspec.language.expressions.variates import WordLayout
+from taskspec.learn.data.tabular import tabular
 from tests.shared.specs import spec_file
 from tests.verification.originals.beside import (
     ALPHA,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.envs.data.tabular import tabular
 from taskspec.exact import Results
+from taskspec.learn.data.tabular import tabular
 from tests.verification.originals.beside import STEPS, Gymnasium, Result, State, side_by_side
 
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import parse
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import Notation, nowhere, symbol
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import Notation, nowhere, symbol
 from tests.verification.printed import algebra as al
 
 PLACE = s.Place(nowhere(""), 0, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from taskspec.exact.solve.outcomes import Outcome
-from taskspec.exact.tables.frozen_task import FrozenTask
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.settled import END as ENDS
 from taskspec.tools.exchange.settled import property_of
 from taskspec.tools.exchange.storm import is_installed as is_installed

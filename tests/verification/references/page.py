@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from taskspec.base.display import fixed, interval
-from taskspec.exact.rollout.statistics import seeds_interval
 from taskspec.exam import Exam
 from taskspec.learn.exam.score_rows import task_name
+from taskspec.learn.statistics import seeds_interval
 from taskspec.show.figures import chart
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -10,7 +10,7 @@ import numpy as np
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.envs.data.episodes import Demonstrations
+from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.learners.deep.nets import Net, fan_in, forward, gradient_step, net, xavier
 from taskspec.learn.learners.deep.world import StepBatch, World
 from taskspec.learn.learners.interface import LearnedReward

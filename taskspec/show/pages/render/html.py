@@ -18,9 +18,7 @@ from taskspec.base.display import number as digits
 from taskspec.base.extras import need
 from taskspec.exact.scores.difficulty import hidden_bits
 from taskspec.language.expressions.types import Kind
-from taskspec.language.printers.text import plain
 from taskspec.language.task.questions import components_read
-from taskspec.language.task.record import count, short
 from taskspec.show.figures import Scene, layers, svg
 from taskspec.show.figures.film import film
 from taskspec.show.figures.machine import state_labels
@@ -28,6 +26,8 @@ from taskspec.show.pages.hypertext import HtmlWriter, origin_of
 from taskspec.show.pages.page import Page
 from taskspec.show.pages.render import html_environment
 from taskspec.show.pages.render.suite import Suite, notation
+from taskspec.show.printers.text import plain
+from taskspec.show.record import count, short
 
 SIZES = ((10, "up to 10 states"), (100, "11 to 100 states"), (1000, "101 to 1,000 states"), (math.inf, "more states"))
 CONTINUOUS = "infinitely many states"

@@ -8,8 +8,6 @@ from typing import assert_never
 from urllib.parse import quote
 
 from taskspec.base import __version__
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.markup import LONG, escape, latex
 from taskspec.show.figures import tikz
 from taskspec.show.figures.vector_formats import tikz_colors
 from taskspec.show.pages import prose as p
@@ -17,6 +15,8 @@ from taskspec.show.pages.page import Family, Page, Sibling, families
 from taskspec.show.pages.render import text_environment
 from taskspec.show.pages.render.suite import Suite, notation
 from taskspec.show.pages.sections import Section, SectionLine
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.markup import LONG, escape, latex
 
 BESIDE = frozenset({
     "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",

@@ -8,13 +8,13 @@ from typing import assert_never
 from urllib.parse import quote
 
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.markup import latex
 from taskspec.show.pages import prose as p
 from taskspec.show.pages.page import Page
 from taskspec.show.pages.render import text_environment
 from taskspec.show.pages.render.suite import Suite
 from taskspec.show.pages.sections import Section, SectionLine
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.markup import latex
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _SPECIAL_INSIDE = re.compile(r"([\\`*_{}\[\]|~$])")  # those that mean something inside a line

@@ -7,17 +7,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from taskspec.base.bibliography import Reference
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.idioms import IF
-from taskspec.language.printers.markup import latex
-from taskspec.language.printers.text import plain
 from taskspec.language.task.merge import lineage
+from taskspec.show.bibliography import Reference
 from taskspec.show.figures import Scene
 from taskspec.show.pages.equations import LETTERS, Writing
 from taskspec.show.pages.facts import Setting
 from taskspec.show.pages.page import Page, anchor
 from taskspec.show.pages.prose import Formula, Inline, Inlines, Mark, inlines
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.idioms import IF
+from taskspec.show.printers.markup import latex
+from taskspec.show.printers.text import plain
 
 
 @dataclass(frozen=True, slots=True)

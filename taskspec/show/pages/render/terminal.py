@@ -12,17 +12,17 @@ from rich.table import Table
 
 from taskspec.base.display import visible
 from taskspec.base.files import near
-from taskspec.base.terminal import Columns, VisibleText
-from taskspec.language.printers import plain
-from taskspec.language.printers import tree as m
-from taskspec.language.printers.names import expression
-from taskspec.language.printers.rewrites import draws
 from taskspec.language.task.merge import variant_names
-from taskspec.language.task.record import space_words
 from taskspec.language.task.task import Task
 from taskspec.show.pages import prose as p
 from taskspec.show.pages.page import Page, page
 from taskspec.show.pages.sections import Section, SectionLine
+from taskspec.show.printers import plain
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import expression
+from taskspec.show.printers.rewrites import draws
+from taskspec.show.record import space_words
+from taskspec.show.terminal.styled_text import Columns, VisibleText
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -1,1 +1,0 @@
-"""Finite tasks as tables: frozen at given parameter values, and written as specs of tables."""

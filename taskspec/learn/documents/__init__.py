@@ -1,0 +1,1 @@
+"""Files of experiments, exams and findings: their shapes, and the rules in them."""

@@ -1,0 +1,508 @@
+"""Evaluate findings and diagnoses on scores of seeds, and check them before there are any."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, NoReturn
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector, suggest
+from taskspec.exact.rules.evaluator import Evaluator, Truth, Undecidable, Word, combine, evidence_for
+from taskspec.exact.solve.enclosure import Enclosure, compare
+from taskspec.language.expressions import syntax as s
+from taskspec.learn.statistics import CONFIDENCE, Estimate, Statistic, estimate
+
+
+@dataclass(frozen=True, slots=True)
+class OverSeeds:
+    """A number over the seeds of a task: the entry of a result that it is made of, and the statistic."""
+
+    word: Word
+    entry: str
+    statistic: Statistic
+
+
+def _entry(name: str, entry: str, statistic: Statistic, doc: str) -> OverSeeds:
+    return OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
+
+
+_NUMBERS = (
+    _entry(
+        "score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."
+    ),
+    _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
+    _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
+    _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
+    _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
+    _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
+    _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+    _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
+)
+NUMBERS: dict[str, OverSeeds] = {each.word.name: each for each in _NUMBERS}
+"""Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
+
+FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
+"""Numbers of a task that no seed changes."""
+
+ABOUT_LEARNER: dict[str, tuple[Word, tuple[str, ...]]] = {
+    "learns_from": (
+        Word("learns_from", "learns_from(source)", "1 where the learner is granted this, else 0."),
+        ("reward", "demonstrations", "preferences"),
+    ),
+    "used": (
+        Word("used", "used(amount)", "Mean number that a training run used."),
+        ("steps", "demonstrations", "comparisons"),
+    ),
+}
+"""Numbers of a learner, each with the names that it takes; in rules about one learner alone."""
+
+SIDES: dict[str, str] = {
+    "printed": "the task as printed; the default",
+    "twin": "its twins: states renamed, actions permuted, or a symmetry of the task; mean over all of them",
+    "negated": "the task as printed, with the reward that is withheld negated",
+}
+
+FUNCTIONS: dict[str, tuple[int, int, str]] = {
+    "abs": (1, 1, "Absolute value."), "min": (2, 9, "The smallest of some numbers."),
+    "max": (2, 9, "The largest of some numbers."),
+}  # fmt: skip
+"""Functions of numbers: the fewest and the most arguments, and the meaning."""
+
+QUANTIFIERS: dict[str, str] = {
+    "all": "The condition holds for all: `all(score(t) > 0 for t in tasks)`.",
+    "any": "It holds for at least one.",
+    "most": "It holds for more than half.",
+    "count": "The number for which it holds.",
+}
+
+
+@dataclass(frozen=True)
+class RuleNames:
+    """Names for rules: tasks, learners (none if the results are those of one), groups of either, tasks at other values."""
+
+    tasks: tuple[str, ...]
+    learners: tuple[str, ...] = ()
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    instances: tuple[str, ...] = ()
+
+    @property
+    def all_groups(self) -> dict[str, tuple[str, ...]]:
+        """The members of all groups by name; `tasks` and `learners` need not be declared."""
+        groups = {"tasks": self.tasks}
+        if self.learners:
+            groups["learners"] = self.learners
+        return self.groups | groups
+
+
+# -- scores ---------------------------------------------------------------------------------------
+
+ONE = ""
+"""The learner where there is only one."""
+_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
+
+
+def side(score: Mapping[str, Any]) -> str:
+    """Return the side of a task that a score belongs to: "printed", "twin", or what is tried for peeking."""
+    if score["peek"]:
+        return str(score["peek"])
+    if score["twin"] is None:
+        return "printed"
+    return "twin"
+
+
+def seed_means(records: Iterable[Mapping[str, Any]], number: Callable[[Any], float | None]) -> dict[int, float]:
+    """Return a number for each seed, in order: the mean over its records that have one."""
+    numbers: dict[int, list[float]] = defaultdict(list)
+    for record in records:
+        value = number(record)
+        if value is not None:
+            numbers[record["seed"]].append(float(value))
+    return {seed: float(np.mean(numbers[seed])) for seed in sorted(numbers)}
+
+
+def short_name(task: str) -> str:
+    """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
+    match = _VERSIONED.fullmatch(task)
+    if match is None:
+        return task
+    return match[1] + (match[2] or "")
+
+
+class SeedScores:
+    """Scores of learners, by learner, task and side.
+
+    Args:
+        exams: results by the name of the learner, as `exam.json` holds them; of one learner under the name `ONE`.
+        floor: lower scores are raised to it.
+        drawn: whether policies sample their actions, instead of taking their best ones.
+        same: names of tasks that count as others, where those were not run.
+        instances: names in rules of tasks at other values of parameters, by their own names.
+    """
+
+    def __init__(
+        self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
+        same: Mapping[str, str] | None = None, instances: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        self.floor = floor
+        self.drawn = drawn
+        self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
+        self.tasks: dict[str, Mapping[str, Any]] = {}
+        self.ids: dict[str, str] = {}
+        self.exams = exams
+        renamed = {**(same or {}), **(instances or {})}
+        for learner, exam in exams.items():
+            own = set(map(short_name, exam["tasks"]))
+            names = {}
+            for task, about in exam["tasks"].items():
+                name = short_name(task)
+                if renamed.get(name, name) not in own:
+                    name = renamed[name]
+                names[task] = name
+                self.ids[name] = task
+                self.tasks[name] = about
+            for record in exam["scores"]:
+                self.records[learner, names[record["task"]], side(record)].append(record)
+
+    def values(self, learner: str, task: str, side: str, entry: str) -> Array:
+        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several."""
+        if self.drawn and entry == "deterministic":
+            entry = "stochastic"
+        records = [r for r in self.records.get((learner, task, side), ()) if r.get("error") is None]
+        by_seed = seed_means(records, lambda record: record.get(entry))
+        if not by_seed:
+            of = f"{learner} on " * bool(learner)
+            sides = {"printed": task, "twin": f"twins of {task}"}
+            raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
+        array = np.array(list(by_seed.values()))
+        if entry in ("deterministic", "stochastic") and self.floor is not None:
+            array = np.maximum(array, self.floor)
+        return array
+
+    def constant(self, task: str) -> float:
+        """Return the score of the best constant action."""
+        score = self.tasks.get(task, {}).get("constant")
+        if score is None:
+            raise Undecidable(f"the best constant action of {task} is not known")
+        return float(score)
+
+    def about_learner(self, name: str, what: str) -> float:
+        """Return a number of the one learner that there is, of those in `ABOUT_LEARNER`.
+
+        Raises:
+            Undecidable: if it is not known.
+        """
+        exam = self.exams.get(ONE, {})
+        if name == "learns_from" and name in exam:
+            return float(what in exam[name])
+        amounts = [score[what] for score in exam.get("scores", ()) if score.get("error") is None and what in score]
+        if name == "learns_from" or not amounts:
+            raise Undecidable(f"{name}({what}) is not known")
+        return float(np.mean(amounts))
+
+
+# -- evaluation -----------------------------------------------------------------------------------
+
+_NUMERIC: dict[str, Callable[..., Any]] = {
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "neg": np.negative,
+    "abs": np.abs, "min": lambda *x: np.minimum.reduce(np.broadcast_arrays(*x)),
+    "max": lambda *x: np.maximum.reduce(np.broadcast_arrays(*x)),
+}  # fmt: skip
+
+
+def check_rule(rule: s.Expr, names: RuleNames, collector: Collector) -> None:
+    """Report every mistake in a rule: names, functions, arguments, and kinds of values."""
+    ScoreEvaluator(SeedScores({}), names, collector=collector).truth(rule)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Evidence: the number that was compared, its estimate and interval, and the tasks and learners that it is about.
+
+    If both sides rest on seeds, the number is their difference. `margin` is the distance of the interval of the difference
+    of both sides from 0; negative if 0 is inside.
+    """
+
+    text: str
+    value: float
+    low: float
+    high: float
+    tasks: tuple[str, ...] = ()
+    learners: tuple[str, ...] = ()
+    margin: float = math.nan
+
+    @property
+    def is_missing(self) -> bool:
+        """True if results that it needs are missing; the text names them."""
+        return math.isnan(self.value)
+
+    def __str__(self) -> str:
+        if self.is_missing:
+            return self.text
+        if np.isinf(self.low):
+            return f"{self.text} = {_number(self.value)}, of too few seeds for an interval"
+        text = f"{self.text} = {_number(self.value)}"
+        if self.low != self.high:
+            text += f" [{_number(self.low)}, {_number(self.high)}]"
+        return text
+
+
+def _number(value: float) -> str:
+    return f"{value:z.2f}".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class ScoreEvaluator(Evaluator[Estimate, Comparison]):
+    """Evaluate rules on the scores of one learner, or of several.
+
+    Args:
+        unable: tasks by learner that quantifiers pass over.
+        bound: variables of comprehensions, each with its task or learner.
+        of_means: whether numbers over seeds count as known exactly, without intervals.
+        slack: by how much every comparison of scores may fail and still hold; negative to ask for more.
+        confidence: of the intervals in which a comparison has to hold everywhere, or nowhere.
+        made: takes every comparison that is made.
+        collector: for mistakes in a rule that is only checked: one member of each group is tried.
+    """
+
+    scores: SeedScores
+    names: RuleNames
+    unable: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    bound: Mapping[str, str] = field(default_factory=dict)
+    of_means: bool = False
+    slack: float = 0.0
+    confidence: float = CONFIDENCE
+    made: list[Comparison] = field(default_factory=list)
+    collector: Collector | None = None
+    _known: dict[tuple[str, str, str, str], Estimate] = field(default_factory=dict)
+
+    def statement(self, expr: s.Expr) -> Truth[Comparison]:
+        if isinstance(expr, s.Boolean):
+            return Truth(expr.value)
+        try:
+            match expr:
+                case s.Call(function="most"):
+                    parts = list(self._each(expr))
+                    holds = self._holds(">", _counted(parts).map(np.subtract, Estimate.exactly(len(parts) / 2)))
+                    return Truth(holds, evidence_for(holds, parts))
+                case s.Call(function="all"):
+                    return combine("and", self._each(expr))
+                case s.Call(function="any"):
+                    return combine("or", self._each(expr))
+            self._fail("E306", expr, "a condition is needed here", "for example `score(task) > 0.9`")
+        except Undecidable:  # a mistake, which is reported
+            return Truth(None)
+
+    def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Comparison]:
+        tasks, learners = self._subjects((left, right))
+        try:
+            if op in ("in", "not in"):
+                self._fail("E316", right, "`in` is allowed only after the `if` of a comprehension")
+            a = self.number(left)
+            b = self.number(right)
+        except Undecidable as error:
+            return Truth(None, (Comparison(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
+        difference = a.map(np.subtract, b)
+        estimated = [(e, n) for e, n in ((left, a), (right, b)) if not isinstance(e, s.Number | s.Unary)]
+        if len(estimated) == 1:
+            side, number = estimated[0]
+            text = self._text(side)
+        else:
+            number = difference
+            text = f"{self._text(left)} − {self._text(right)}"
+        if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
+            return Truth(self._holds(op, difference))
+        low, high = difference.interval
+        comparison = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
+        self.made.append(comparison)
+        eased = difference.map(np.add, Estimate.exactly(self._slack(op, (left, right))))
+        return Truth(self._holds(op, eased), (comparison,))
+
+    def _holds(self, op: str, difference: Estimate) -> bool | None:
+        ends: list[Any] = list(difference.interval_at(self.confidence))
+        for i, end in enumerate(ends):
+            if math.isfinite(end):
+                ends[i] = Fraction(end)
+        return compare(op, Enclosure(*ends), Enclosure.exactly(0), Fraction(0))
+
+    def _slack(self, op: str, exprs: Sequence[s.Expr]) -> float:
+        """Return what is added to the difference of two sides; deviations between seeds are compared as they are."""
+        calls = [n.function for expr in exprs for n in s.names(expr) if isinstance(n, s.Call)]
+        if any(NUMBERS[name].statistic == "sd" for name in calls if name in NUMBERS):
+            return 0.0
+        return {">": self.slack, ">=": self.slack, "<": -self.slack, "<=": -self.slack}.get(op, 0.0)
+
+    def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        names = [n.id for expr in exprs for n in s.names(expr) if isinstance(n, s.Name)]
+        ids = dict.fromkeys(self.bound.get(name, name) for name in names)
+        known = (*self.names.tasks, *self.names.instances)
+        return tuple(i for i in ids if i in known), tuple(i for i in ids if i in self.names.learners)
+
+    def _text(self, expr: s.Expr) -> str:
+        written = expr.place.written
+        if not self.bound:
+            return written
+        variables = rf"\b({'|'.join(map(re.escape, self.bound))})\b"
+        return re.sub(variables, lambda match: self.bound[match[1]], written)
+
+    def constant(self, value: int | float) -> Estimate:
+        return Estimate.exactly(float(value))
+
+    def arithmetic(self, op: str, *numbers: Estimate) -> Estimate:
+        return numbers[0].map(_NUMERIC[op], *numbers[1:])
+
+    def quantity(self, expr: s.Expr) -> Estimate:
+        """Return a number over seeds."""
+        match expr:
+            case s.Call(function="count"):
+                return _counted(list(self._each(expr)))
+            case s.Call(function=name, args=args, keywords=keywords) if name in FUNCTIONS:
+                low, high, _ = FUNCTIONS[name]
+                if keywords or not low <= len(args) <= high:
+                    self._fail("E304", expr, f"{name} takes {low if low == high else f'{low} or more'} numbers")
+                return self.arithmetic(name, *map(self.number, args))
+            case s.Call(function=name) if name in NUMBERS or name in FIXED:
+                return self._over_seeds(expr)
+            case s.Call(function=name, args=args) if name in ABOUT_LEARNER and not self.names.learners:
+                _, known = ABOUT_LEARNER[name]
+                if expr.keywords or len(args) != 1:
+                    self._fail("E304", expr, f"{name} takes one name", f"one of {', '.join(known)}")
+                what = self._name(args[0], known, "source" if name == "learns_from" else "amount")
+                return Estimate.exactly(self.scores.about_learner(name, what))
+            case s.Call(function=name):
+                known = (*NUMBERS, *FIXED, *ABOUT_LEARNER, *FUNCTIONS, *QUANTIFIERS)
+                hint = suggest(name, known) or f"there are {', '.join(known)}"
+                self._fail("E303", expr, f"there is no function '{name}' in rules", hint)
+            case s.Name(id=name):
+                self._fail("E306", expr, f"a number is needed here, not '{name}'", f"for example `score({name})`")
+            case _:
+                self._fail("E306", expr, "a number is needed here", "for example `score(task)`")
+
+    def _over_seeds(self, expr: s.Call) -> Estimate:
+        """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
+        name = expr.function
+        args = expr.args
+        kinds = ["task"]
+        if self.names.learners and name in NUMBERS:
+            kinds = ["learner", "task"]
+        has_sides = name in NUMBERS
+        if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
+            hint = None
+            if has_sides:
+                hint = f"behind them may stand {', '.join(SIDES)}"
+            self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
+        *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
+        sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]
+        if name in FIXED:
+            return Estimate.exactly(self.scores.constant(task))
+        learner = next(iter(learners), ONE)
+        side = next(iter(sides), "printed")
+        key = (name, learner, task, side)
+        if key not in self._known:
+            values = self.scores.values(learner, task, side, NUMBERS[name].entry)
+            interval = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+            if self.of_means:
+                self._known[key] = Estimate.exactly(interval.value)
+            else:
+                self._known[key] = interval
+        return self._known[key]
+
+    def _member(self, expr: s.Expr, kind: str) -> str:
+        if isinstance(expr, s.Name) and expr.id in self.bound:
+            member = self.bound[expr.id]
+            if self._kind_of(member) != kind:
+                self._fail("E306", expr, f"'{expr.id}' is a {self._kind_of(member)} here; a {kind} is needed")
+            return member
+        if kind == "task":
+            known = (*self.names.tasks, *self.names.instances)
+        else:
+            known = self.names.learners
+        return self._name(expr, known, kind, tuple(self.bound))
+
+    def _kind_of(self, member: str) -> str:
+        if member in self.names.learners:
+            return "learner"
+        return "task"
+
+    def _name(self, expr: s.Expr, known: tuple[str, ...], kind: str, others: tuple[str, ...] = ()) -> str:
+        if not isinstance(expr, s.Name) or expr.primed:
+            self._fail("E306", expr, f"the name of a {kind} is needed here", f"one of {', '.join(known)}")
+        if expr.id not in known:
+            hint = suggest(expr.id, (*known, *others)) or f"one of {', '.join(known)}"
+            self._fail("E302", expr, f"there is no {kind} '{expr.id}' here", hint)
+        return expr.id
+
+    def _each(self, expr: s.Call) -> Iterator[Truth[Comparison]]:
+        if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
+            hint = f"`{expr.function}(score(t) > 0.9 for t in tasks)`"
+            self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
+        comprehension = expr.args[0]
+        for inner in self._chosen(comprehension.clauses):
+            tasks, learners = inner._subjects((comprehension.element,))
+            if not any(task in self.unable.get(learner, ()) for learner in learners for task in tasks):
+                yield inner.truth(comprehension.element)
+
+    def _chosen(self, clauses: Sequence[s.Clause]) -> Iterator[ScoreEvaluator]:
+        if not clauses:
+            yield self
+            return
+        clause, *rest = clauses
+        members = self._members(clause.domain)
+        if len(clause.targets) != 1:
+            self._fail("E316", clause.domain, "one variable goes through a group")
+        for member in members if self.collector is None else members[:1]:
+            inner = replace(self, bound={**self.bound, clause.targets[0]: member})
+            passes = list(map(inner._passes, clause.conditions))
+            if all(passes) or self.collector is not None:
+                yield from inner._chosen(rest)
+
+    def _members(self, expr: s.Expr) -> tuple[str, ...]:
+        match expr:
+            case s.Name(id=name):
+                members = self.names.all_groups.get(name)
+                if members is None:
+                    self._name(expr, tuple(self.names.all_groups), "group")
+                return members or ()
+            case s.SetOf(items=items) | s.Vector(items=items):
+                unbound = replace(self, bound={})
+                is_learners = any(isinstance(i, s.Name) and i.id in self.names.learners for i in items)
+                return tuple(unbound._member(item, "learner" if is_learners else "task") for item in items)
+            case _:
+                self._fail("E306", expr, "a group is needed here", f"one of {', '.join(tuple(self.names.all_groups))}")
+
+    def _passes(self, expr: s.Expr) -> bool:
+        match expr:
+            case s.Logical(op=op, operands=operands):
+                passed = list(map(self._passes, operands))
+                return {"and": all, "or": any}[op](passed)
+            case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
+                return (self.bound[name] in self._members(others)) is (op == "in")
+            case s.Compare(first=s.Name(id=name), rest=(("==" | "!=" as op, other),)) if name in self.bound:
+                member = self.bound[name]
+                return (member == self._member(other, self._kind_of(member))) is (op == "==")
+        hint = "for example `if t != Sort`, or `if t not in {Sort, Parabola}`"
+        self._fail("E316", expr, "a group is narrowed by names only", hint)
+
+    def _fail(self, code: str, expr: s.Expr, message: str, hint: str | None = None) -> NoReturn:
+        """Report a mistake in a rule that is checked."""
+        assert self.collector is not None, message
+        place = expr.place
+        if code == "E303" and isinstance(expr, s.Call):
+            place = expr.name_place
+        self.collector.add(code, place, message, hint)
+        raise Undecidable(message)
+
+
+def _counted(parts: Sequence[Truth[Comparison]]) -> Estimate:
+    """Return how many parts hold: an interval if some are undecided."""
+    true = sum(part.holds is True for part in parts)
+    undecided = sum(part.holds is None for part in parts)
+    if undecided:
+        return Estimate.between(true, true + undecided)
+    return Estimate.exactly(true)

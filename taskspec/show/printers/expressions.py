@@ -1,0 +1,269 @@
+"""Surface syntax -> the mathematics tree, in the notation people write by hand.
+
+Brackets follow the tables of `printers.pieces`; functions and distributions follow the templates of their entries. Where hand
+writing has an idiom of its own (a sum over a slice, a set-builder, an indicator), `printers.idioms` knows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.dists import is_distribution
+from taskspec.language.expressions.operators import FUNCTIONS, INFIX
+from taskspec.show.printers import idioms
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import Notation, Writer, label
+from taskspec.show.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
+from taskspec.show.printers.rewrites import is_vector, pointwise
+from taskspec.show.printers.tex import read
+from taskspec.show.printers.text import text
+
+
+def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Math:
+    """Convert a value to mathematics; a condition becomes its indicator."""
+    return ExpressionWriter(notation, of).number(expr).tree
+
+
+def condition(expr: s.Expr, notation: Notation) -> m.Math:
+    return ExpressionWriter(notation).truth(expr).tree
+
+
+@dataclass(frozen=True)
+class ExpressionWriter(Writer):
+    def number(self, expr: s.Expr) -> Piece:
+        """Print an expression as a value; conditions on elements have their index below."""
+        if self.is_condition(expr) and is_vector(self, expr):
+            elements = pointwise(self, expr)
+            if elements is not None:
+                of, index, inner = elements
+                return Piece(m.Script(m.brackets(indicator(of.truth(inner).tree)), index))
+        return Writer.number(self, expr)
+
+    def piece(self, expr: s.Expr) -> Piece:  # noqa: C901, PLR0912
+        match expr:
+            case s.Number(text=digits):
+                return _number(digits)
+            case s.Boolean(value=value):
+                return Piece(m.Num(str(int(value))))
+            case s.Quoted(value=word):
+                return Piece(self.notation.label(word, self.of) or label(word))
+            case s.Name(id=name, primed=primed):
+                printed = None
+                if not primed:
+                    printed = self.notation.label(name, self.of)
+                return Piece(printed or prime(self.notation.symbol(name), primed))
+            case s.Unary():
+                return self._unary(expr)
+            case s.Binary():
+                return self._binary(expr)
+            case s.Logical(op=op, operands=parts):
+                return applied(op, m.joined(operands(op, map(self.truth, parts)), "∧" if op == "and" else "∨"))
+            case s.Compare():
+                return self._compare(expr)
+            case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
+                return applied("cases", idioms.cases(self, expr))
+            case s.Call():
+                return self._call(expr)
+            case s.Subscript():
+                return self._subscript(expr)
+            case s.Vector():
+                return self._vector(expr)
+            case s.SetOf(items=items):
+                return Piece(m.braces(m.joined(self.numbers(items))))
+            case s.Comprehension():
+                return Piece(idioms.comprehension(self, expr))
+            case _:
+                assert_never(expr)
+
+    def _unary(self, expr: s.Unary) -> Piece:
+        if expr.op != "not":
+            return _signed("−" if expr.op == "-" else "+", self.number(expr.operand))
+        match expr.operand:
+            case s.Compare(rest=((op, side),)) as inner if op in _OPPOSITE:
+                return self._compare(replace(inner, rest=((_OPPOSITE[op], side),)))
+            case inner:
+                return applied("not", m.Row((m.Sym("¬"), *operands("not", [self.truth(inner)]))))
+
+    def _binary(self, expr: s.Binary) -> Piece:
+        if expr.op == "*":
+            return self._product(expr)
+        if expr.op == "/":
+            sign, top = _pull_sign(expr.left)
+            fraction = applied("/", m.Frac(*operands("/", [self.number(top), self.number(expr.right)])))
+            if sign:
+                return _signed("−", fraction)
+            return fraction
+        sides = [self.number(expr.left), self.number(expr.right)]
+        left, right = operands(expr.op, sides)
+        match expr.op:
+            case "+" | "-":
+                # in one row, so that it can break at any of its signs
+                is_sum = isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
+                head: tuple[m.Math, ...] = (left,)
+                if is_sum and isinstance(left, m.Row):
+                    head = left.items
+                total = m.Row((*head, m.Sym(expr.op.replace("-", "−")), right))
+                return applied(expr.op, total, _leads(sides[0], left))
+            case "**":
+                if isinstance(left, m.Script) and left.sup is None:
+                    return applied("**", replace(left, sup=right))
+                return applied("**", m.Script(left, sup=right))
+            case _:
+                return applied(expr.op, fill(INFIX[expr.op].latex, (("0", left), ("1", right))))
+
+    def _product(self, expr: s.Binary) -> Piece:
+        factors: list[s.Expr] = [expr.right]
+        left = expr.left
+        while isinstance(left, s.Binary) and left.op == "*":
+            factors.append(left.right)
+            left = left.left
+        factors.append(left)
+        factors.reverse()
+        factors = _squared(factors)
+        pieces = list(map(self.number, factors))
+        trees = operands("*", pieces)
+        if len(factors) == 1:
+            return pieces[0]
+        return applied("*", multiply(trees, [is_vector(self, f) for f in factors]), _leads(pieces[0], trees[0]))
+
+    def _compare(self, expr: s.Compare) -> Piece:
+        congruence = idioms.divisible(self, expr)
+        if congruence is not None:
+            return applied("congruence", congruence)
+        sides = [expr.first, *(side for _, side in expr.rest)]
+        owner = next((x.id for x in sides if isinstance(x, s.Name) and x.id in self.notation.labels), self.of)
+        inner = replace(self, of=owner)
+        first, *others = operands("compare", map(inner.number, sides))
+        items: list[m.Math] = [first]
+        for (op, _), side in zip(expr.rest, others, strict=True):
+            relation = INFIX[op].latex.replace("{0}", "").replace("{1}", "")
+            items += [read(relation.strip()), side]
+        return applied("compare", m.Row(tuple(items)))
+
+    def _call(self, expr: s.Call) -> Piece:
+        if is_distribution(expr.function):
+            return idioms.distribution(self, expr)
+        printed = None
+        if expr.function in idioms.IDIOMS:
+            printed = idioms.IDIOMS[expr.function](self, expr)
+        if printed is not None:
+            return printed
+        function = FUNCTIONS.get(expr.function)
+        if function is not None and function.accepts(len(expr.args)):
+            pieces = list(map(self.number, expr.args))
+            trees = operands(expr.function, pieces)
+            holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
+            signed = expr.function == "dot" and _leads(pieces[0], trees[0])
+            return applied(expr.function, fill(function.latex, holes), signed)
+        if expr.function in self.notation.events:  # a probability, or the expectation of a measure; the policy is below
+            first = "name"
+            if expr.function == "probability":
+                first = "condition"
+            given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
+            if "under" in given:
+                policy = text(given["under"])
+            else:
+                policy = self.notation.events[expr.function]
+            head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
+            if first == "condition":
+                inner = self.truth(given[first])
+            else:
+                inner = self.number(given[first])
+            return Piece(m.Row((head, m.brackets(inner.tree))))
+        arguments = m.brackets(m.joined(self.numbers(expr.args)))
+        return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
+
+    def _subscript(self, expr: s.Subscript) -> Piece:
+        if isinstance(expr.value, s.Name) and expr.value.id in self.notation.singles:
+            return self.piece(expr.value)
+        (tree,) = operands("subscript", [self.number(expr.value)])
+        below = m.joined(map(self._index, expr.indices))
+        if isinstance(tree, m.Script):
+            slices = isinstance(expr.value, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.value.indices)
+            if tree.sup is not None or (tree.sub is not None and slices):
+                tree = m.brackets(tree)
+        return Piece(indexed(tree, below))
+
+    def _index(self, index: s.Expr | s.Slice) -> m.Math:
+        if not isinstance(index, s.Slice):
+            return self.number(index).tree
+        parts: list[m.Math] = []
+        if index.start is not None:
+            parts.append(self.number(index.start).tree)
+        elif index.stop is not None and index.step is None:  # an end without a beginning could be misread
+            parts.append(m.Num("0"))
+        parts.append(m.Sym(":"))
+        if index.stop is not None:
+            parts.append(self.number(index.stop).tree)
+        if index.step is not None:
+            parts += [m.Sym(":"), self.number(index.step).tree]
+        return m.Row(tuple(parts))
+
+    def _vector(self, expr: s.Vector) -> Piece:
+        if len(expr.items) == 1 and not isinstance(expr.items[0], s.Vector):
+            return self.number(expr.items[0])
+        if expr.items and all(isinstance(i, s.Vector) for i in expr.items):
+            rows = []
+            for i in expr.items:
+                if isinstance(i, s.Vector):
+                    rows.append(tuple(self.numbers(i.items)))
+            if len(set(map(len, rows))) == 1:
+                return Piece(m.Matrix(tuple(rows)))
+        return Piece(m.brackets(m.joined(self.numbers(expr.items))))
+
+
+_OPPOSITE = {"==": "!=", "!=": "==", "in": "not in", "not in": "in", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+
+
+def _squared(factors: list[s.Expr]) -> list[s.Expr]:
+    squares: list[s.Expr] = []
+    for factor in factors:
+        if (
+            isinstance(factor, s.Name)
+            and squares
+            and isinstance(squares[-1], s.Name)
+            and squares[-1].written == factor.written
+        ):
+            two = s.Number(2, "2", factor.place)
+            squares[-1] = s.Binary("**", factor, two, factor.place)
+        else:
+            squares.append(factor)
+    return squares
+
+
+def _leads(piece: Piece, operand: m.Math) -> bool:
+    return piece.signed and operand is piece.tree
+
+
+def _signed(sign: str, piece: Piece) -> Piece:
+    (operand,) = operands("sign", [piece])
+    own = applied("sign", m.Row((m.Sym(sign), operand)), signed=True)
+    if operand is not piece.tree:
+        return own
+    return replace(own, level=min(own.level, piece.level))
+
+
+def _pull_sign(expr: s.Expr) -> tuple[bool, s.Expr]:
+    """Write -a*b over c as minus a*b over c."""
+    match expr:
+        case s.Unary(op="-", operand=operand):
+            return True, operand
+        case s.Binary(op="*", left=left):
+            sign, rest = _pull_sign(left)
+            return sign, replace(expr, left=rest)
+        case _:
+            return False, expr
+
+
+def _number(text: str) -> Piece:
+    """Digits as written; an exponent as a power of ten."""
+    mantissa, mark, exponent = text.lower().replace("_", "").partition("e")
+    if not mark or not exponent.lstrip("+-").isdigit():
+        return Piece(m.Num(text.replace("_", "")))
+    sign = (m.Sym("−"),) if exponent.startswith("-") else ()
+    power = m.Script(m.Num("10"), sup=m.row(*sign, m.Num(exponent.lstrip("+-0") or "0")))
+    if mantissa in ("1", "1."):
+        return applied("**", power)
+    return applied("*", m.Row((m.Num(mantissa), m.Sym("×"), power)))

@@ -1,0 +1,439 @@
+"""Hand-written forms that templates cannot give: sums over slices, sets, distributions, values by cases, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.dists import CATEGORICAL, DISTS
+from taskspec.language.expressions.operators.entry import Level
+from taskspec.show.printers import tree as m
+from taskspec.show.printers.names import Writer
+from taskspec.show.printers.pieces import Piece, applied, fill, operands
+from taskspec.show.printers.rewrites import element, indices, pointwise, rank, under
+from taskspec.show.printers.text import text
+
+Keys = tuple[s.Expr | None, ...]
+_OTHERWISE = m.Words("otherwise")
+IF = m.Words("if ")  # what a condition of a case begins with
+
+
+def cases(w: Writer, expr: s.Expr) -> m.Math:
+    if not isinstance(expr, s.Weights):
+        return m.Cases(tuple(_rows(w, expr)))
+    rows = []
+    for value, p in expr.pairs:
+        rows.append((w.number(value).tree, m.Row((m.Words("with probability "), w.number(p).tree))))
+    return m.Cases(tuple(rows))
+
+
+def _rows(w: Writer, expr: s.Expr) -> Iterator[tuple[m.Math, m.Math]]:
+    match expr:
+        case s.IfElse(condition=condition, then=then, otherwise=otherwise):
+            branches: tuple[tuple[s.Expr, s.Expr], ...] = ((condition, then),)
+        case s.Piecewise(branches=branches, otherwise=otherwise):
+            pass
+        case s.Table():
+            yield from _table(w, expr)
+            return
+        case _:
+            yield w.number(expr).tree, _OTHERWISE
+            return
+    for condition, then in branches:
+        yield w.number(then).tree, m.Row((IF, w.truth(condition).tree))
+    yield from _rows(w, otherwise)
+
+
+def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
+    """Yield the cells of a decision table with their conditions; neighbours with equal cells are one."""
+    for _, group in groupby(_flat(table.rows), key=lambda row: text(row[1])):
+        rows = list(group)
+        tree = w.number(rows[0][1]).tree
+        keys = [key for key, _ in rows]
+        if any(not any(key) for key in keys):
+            yield tree, _OTHERWISE
+        else:
+            yield tree, m.Row((IF, _keys(w, table.by, keys)))
+
+
+def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
+    for row in sorted(rows, key=lambda row: row.key is None):
+        keys = (*before, row.key)
+        if isinstance(row.body, tuple):
+            yield from _flat(row.body, keys)
+        else:
+            yield keys, row.body
+
+
+def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
+    if all(len(keys) == 1 for keys in rows):
+        return _equal(w, by[0], [keys[0] for keys in rows if keys[0] is not None])
+    conjunctions = []
+    for keys in rows:
+        equal = []
+        for column, key in zip(by, keys, strict=False):
+            if key is not None:
+                equal.append(_equal(w, column, [key]))
+        conjunctions.append(m.joined(equal, "∧"))
+    if len(conjunctions) == 1:
+        return conjunctions[0]
+    return m.joined(map(m.brackets, conjunctions), "∨")
+
+
+def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
+    inner = w
+    if isinstance(column, s.Name):
+        inner = replace(w, of=column.id)
+    left, *trees = operands("compare", map(inner.number, [column, *keys]))
+    if len(trees) == 1:
+        return m.Row((left, m.Sym("="), trees[0]))
+    return m.Row((left, m.Sym("∈"), m.braces(m.joined(trees))))
+
+
+def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
+    """Test whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
+    if not isinstance(table, s.Table):
+        return False
+    plain = []
+    for c in table.by:
+        if not isinstance(c, s.Name) or c.primed:
+            return False
+        plain.append(c.id)
+    return plain == [state] or (len(actions) == 1 and plain == [state, actions[0]])
+
+
+def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) -> list[m.Math]:
+    """Write one line for each state: `s --a--> s'` for every action."""
+    target = replace(w, of=state)
+    lines: list[m.Math] = []
+    for row in table.rows:
+        origin = w.notation.symbol(state)
+        every: tuple[m.Math, ...] = (m.Words(" for every other "), origin)
+        if row.key is not None:
+            origin = target.number(row.key).tree
+            every = ()
+        parts: list[m.Math] = []
+        if not isinstance(row.body, tuple):
+            forall = m.Row((m.Words(" for all "), action, m.Sym("∈"), m.Ident("A", "calligraphic")))
+            parts = [origin, m.Arrow(action), target.number(row.body).tree, forall]
+        for inner in row.body if isinstance(row.body, tuple) else ():
+            assert not isinstance(inner.body, tuple)
+            if parts:
+                parts += [m.Sym(","), m.Gap("wide")]
+            over = action
+            if inner.key is not None:
+                over = replace(w, of=actions).number(inner.key).tree
+            parts += [origin, m.Arrow(over), target.number(inner.body).tree]
+            if inner.key is None:
+                parts.append(m.Words(" otherwise"))
+        lines.append(m.Row((*parts, *every)))
+    return lines
+
+
+Idiom = Callable[[Writer, s.Call], Piece | None]
+
+
+def _quantifier(sign: str, conjunction: str) -> Idiom:
+    def write(w: Writer, call: s.Call) -> Piece | None:
+        (arg,) = call.args
+        if isinstance(arg, s.Vector):
+            if len(arg.items) == 1:
+                return w.truth(arg.items[0])
+            return w.piece(s.Logical(conjunction, arg.items, call.place))
+        if isinstance(arg, s.Comprehension):
+            truth = under(w, arg).truth(_of_elements(w, arg, call).element).tree
+            return applied("quantifier", m.such_that(m.Row((m.Sym(sign), _over(w, arg))), truth))
+        parts = pointwise(w, arg)
+        if parts is None:
+            return None
+        of, index, inner = parts
+        match arg:
+            case s.Compare(first=first, rest=(("==", second),)) if conjunction == "and" and rank(w, first) == rank(
+                w, second
+            ):
+                return w.piece(arg)  # two vectors are equal
+        return applied("quantifier", m.Row((m.Sym(sign), *m.such_that(index, of.truth(inner).tree).items)))
+
+    return write
+
+
+def _of_elements(w: Writer, arg: s.Comprehension, call: s.Call) -> s.Comprehension:
+    if not rank(under(w, arg), arg.element):
+        return arg
+    return replace(arg, element=replace(call, args=(arg.element,)))
+
+
+def _count(w: Writer, call: s.Call) -> Piece | None:
+    (arg,) = call.args
+    if isinstance(arg, s.Comprehension) and rank(w, arg) > 1:
+        return _total("∑")(w, replace(call, args=(_of_elements(w, arg, call),)))
+    if isinstance(arg, s.Comprehension):
+        if not all(_is_set(clause.domain) for clause in arg.clauses):
+            return _over_domains(w, arg, "∑")
+        such = m.joined([*_conditions(w, arg), under(w, arg).truth(arg.element).tree])
+        return Piece(m.Row((m.Words("#"), m.braces(m.such_that(m.joined(_domains(w, arg)), such)))))
+    parts = pointwise(w, arg)
+    if parts is None:
+        return None
+    of, index, inner = parts
+    if rank(w, arg) > 1:
+        index = m.brackets(index)
+    return Piece(m.Row((m.Words("#"), m.braces(m.such_that(index, of.truth(inner).tree)))))
+
+
+def _total(sign: str) -> Idiom:
+    def write(w: Writer, call: s.Call) -> Piece | None:
+        (arg,) = call.args
+        if isinstance(arg, s.Comprehension):
+            arg = _of_elements(w, arg, call)
+        match arg:
+            case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((own,), s.Call("range", (n,)), ()),)):
+                low = m.Row((w.notation.symbol(own), m.Sym("="), m.Num("0")))
+                return _big(m.Big(sign, low, less_one(w, n)), under(w, arg).number(inner))
+            case s.Comprehension():
+                return _over_domains(w, arg, sign)
+            case s.Subscript(value=s.Name() as vector, indices=(s.Slice(step=None) as part,)):
+                ranged = _over_slice(w, vector, part, sign)
+            case s.Name() if arg.id in w.notation.lengths:
+                ranged = _over_slice(w, arg, s.Slice(None, None, None, arg.place), sign)
+            case _:
+                ranged = None
+        parts = pointwise(w, arg)
+        if ranged is not None or parts is None:
+            return ranged
+        of, index, inner = parts
+        return _big(m.Big(sign, index), of.number(inner))
+
+    return write
+
+
+def _big(sign: m.Big, body: Piece) -> Piece:
+    return applied("big", m.Row((sign, *operands("big", [body]))))
+
+
+def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
+    return _big(m.Big(sign, _over(w, arg)), under(w, arg).number(arg.element))
+
+
+def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | None:
+    """Write the sum of `x[a:b]`, where its end is known."""
+    end = part.stop or w.notation.lengths.get(name.id)
+    if end is None or rank(w, name) != 1:
+        return None
+    (index,) = indices(w, s.Vector((name, end, part.start or end), name.place))
+    first = m.Num("0") if part.start is None else w.number(part.start).tree
+    low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
+    return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), name.place)))
+
+
+def _extreme(name: str) -> Idiom:
+    def write(w: Writer, call: s.Call) -> Piece | None:
+        parts = None
+        if rank(w, call.args[0]) == 1:
+            parts = pointwise(w, call.args[0])
+        if parts is None:
+            return None  # of a matrix it is a place in all its rows, one after the other
+        of, index, inner = parts
+        head = m.Script(m.upright(name), index)
+        return applied("extreme", m.Row((head, m.Gap(), *operands("extreme", [of.number(inner)]))))
+
+    return write
+
+
+def _where(w: Writer, call: s.Call) -> Piece | None:
+    if len(call.args) != 3:
+        return None
+    test, then, otherwise = call.args
+    parts = None
+    if rank(w, test):
+        parts = pointwise(w, call)
+    if parts is None:
+        return w.piece(s.IfElse(test, then, otherwise, call.place))
+    of, index, inner = parts  # a vector as a family of its elements, with their index below
+    return Piece(m.Script(m.brackets(of.number(inner).tree), index))
+
+
+def _range(w: Writer, call: s.Call) -> Piece | None:
+    match call.args:
+        case (stop,):
+            return Piece(interval(m.Num("0"), less_one(w, stop)))
+        case (start, stop):
+            return Piece(interval(w.number(start).tree, less_one(w, stop)))
+        case _:
+            return None  # it has a step
+
+
+def _box(w: Writer, call: s.Call) -> Piece | None:
+    if len(call.args) != 3:
+        return None
+    low, high, n = (w.number(a).tree for a in call.args)
+    return Piece(m.Script(interval(low, high), sup=n))
+
+
+def _joined(w: Writer, call: s.Call) -> Piece:
+    """Flatten nested `concat` calls and lists that are written out."""
+    return w.piece(s.Vector(tuple(_parts(w, call.args)), call.place))
+
+
+def _parts(w: Writer, parts: Iterable[s.Expr]) -> Iterator[s.Expr]:
+    for part in parts:
+        match part:
+            case s.Call(function="concat", args=inner):
+                yield from _parts(w, inner)
+            case s.Vector(items=items) if all(isinstance(x, s.Vector) or not rank(w, x) for x in items):
+                yield from items
+            case _:
+                yield part
+
+
+IDIOMS: dict[str, Idiom] = {
+    "any": _quantifier("∃", "or"), "all": _quantifier("∀", "and"), "count": _count,
+    "sum": _total("∑"), "prod": _total("∏"), "argmax": _extreme("arg max"), "argmin": _extreme("arg min"),
+    "where": _where, "range": _range, "box": _box, "concat": _joined,
+}  # fmt: skip
+
+
+def less_one(w: Writer, n: s.Expr) -> m.Math:
+    """Write n - 1, worked out where n is a number or already ends in a number."""
+    match n:
+        case s.Number(value=int(value)) if value > 0:
+            return m.Num(str(value - 1))
+        case s.Binary(op="+", left=left, right=s.Number(value=1)):
+            return w.number(left).tree
+        case s.Binary(op="-", right=s.Number(value=int(value)) as right):
+            more = replace(right, value=value + 1, text=str(value + 1))
+            return w.number(replace(n, right=more)).tree
+        case _:
+            one = s.Number(1, "1", n.place)
+            return w.number(s.Binary("-", n, one, n.place)).tree
+
+
+WRITTEN_OUT = 4
+
+
+def interval(low: m.Math, high: m.Math) -> m.Math:
+    """Write the integers from low to high; few of them are written out."""
+    first = _int(low)
+    last = _int(high)
+    if first is not None and last is not None and last - first < WRITTEN_OUT:
+        return m.braces(m.joined(_integer(i) for i in range(first, last + 1)))
+    return m.braces(m.joined((low, m.Sym("…"), high)))
+
+
+def _integer(value: int) -> m.Math:
+    number = m.Num(str(abs(value)))
+    if value < 0:
+        return m.Row((m.Sym("−"), number))
+    return number
+
+
+def _int(tree: m.Math) -> int | None:
+    match tree:
+        case m.Num(text=text) if text.isdecimal():
+            return int(text)
+        case m.Row(items=(m.Sym(text="−"), m.Num(text=text))) if text.isdecimal():
+            return -int(text)
+    return None
+
+
+def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
+    inner = under(w, expr).number(expr.element).tree
+    if not expr.is_set:
+        return m.Script(m.brackets(inner), _over(w, expr))
+    if [_target(w, c) for c in expr.clauses] == [inner]:
+        conditions = _conditions(w, expr)
+        if not conditions:
+            return w.piece(expr.clauses[0].domain).tree
+        return m.braces(m.such_that(_domains(w, expr)[0], m.joined(conditions)))
+    return m.braces(m.such_that(inner, _over(w, expr)))
+
+
+def _over(w: Writer, expr: s.Comprehension) -> m.Math:
+    return m.joined([*_domains(w, expr), *_conditions(w, expr)])
+
+
+def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
+    sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
+    rows: list[m.Math] = []
+    for c, domain in zip(expr.clauses, sets, strict=True):
+        rows.append(m.Row((_target(w, c), m.Sym("∈"), domain)))
+    return rows
+
+
+def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
+    conditions = []
+    for c in expr.clauses:
+        for x in c.conditions:
+            conditions.append(under(w, expr).truth(x).tree)
+    return conditions
+
+
+def _is_set(domain: s.Expr) -> bool:
+    match domain:
+        case s.Call(function="range" | "box") | s.SetOf() | s.Comprehension(is_set=True):
+            return True
+        case _:
+            return False
+
+
+def _target(w: Writer, clause: s.Clause) -> m.Math:
+    names = list(map(w.notation.symbol, clause.targets))
+    if len(names) == 1:
+        return names[0]
+    return m.brackets(m.joined(names))
+
+
+def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
+    """Write `x % n == 0` as a congruence."""
+    match expr:
+        case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
+            if op == "==":
+                sign = m.Sym("≡")
+            else:
+                sign = m.Sym("≢")
+            left, right = operands("congruence", [w.number(x), w.number(n)])
+            modulus = m.brackets(m.Row((m.upright("mod"), m.Gap(), right)))
+            return m.Row((left, sign, m.Num("0"), m.Gap("thin"), m.Gap("thin"), modulus))
+        case _:
+            return None
+
+
+def distribution(w: Writer, call: s.Call) -> Piece:
+    """Write a distribution by name; independent draws of one shape as a power."""
+    first = call.args[0] if len(call.args) == 1 and not call.keywords else None
+    if call.function == CATEGORICAL.name and isinstance(first, s.Weights):
+        return applied("cases", cases(w, first))
+    if call.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
+        return Piece(m.Row((m.upright("Unif"), w.piece(first).tree)))
+    dist = DISTS.get(call.function, CATEGORICAL)
+    given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
+    shape = given.pop("shape", None)
+    if any(rank(w, given[name]) for name in dist.squared if name in given):
+        return _distributions(w, call, given)
+    pieces = []
+    for a in dist.arguments:
+        pieces.append(w.number(given[a.name]) if a.name in given else Piece(m.Num(str(a.default))))
+    holes = dict(zip((a.name for a in dist.arguments), operands(dist.name, pieces), strict=True))
+    if call.function == "UniformInt":  # a few integers are written out
+        tree: m.Math = m.Row((m.upright("Unif"), interval(holes["low"], holes["high"])))
+    else:
+        tree = fill(dist.latex, holes.items())
+    if shape is None:
+        return Piece(tree)
+    items = shape.items if isinstance(shape, s.Vector) else (shape,)
+    level = Level.ATOM if len(items) > 1 else Level.SCOPE
+    return applied("**", m.Script(tree, sup=m.joined((w.number(i).at(level) for i in items), "×")))
+
+
+def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
+    """Write a family of distributions with their index below: a matrix of deviations is squared element by element."""
+    at = indices(w, call, max(rank(w, value) for value in given.values()))
+    inner = w.with_axes({index.id: 0 for index in at})
+    entries = []
+    for name, value in given.items():
+        entries.append((name, element(inner, value, at)))
+    keywords = tuple(entries)
+    one = distribution(inner, replace(call, args=(), keywords=keywords))
+    return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))

@@ -1,0 +1,1 @@
+"""Text on the terminal: styles, tables that fit, results of `run`."""

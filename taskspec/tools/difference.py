@@ -1,0 +1,567 @@
+"""The difference in meaning between two tasks: none, one of names or of rewards alone, or a step at which they part.
+
+Finite tasks are compared in all that episodes do, in rationals: first by the names of states and actions, then up to a renaming
+by bisimulation. Two rewards ask for the same behaviour in every state and at every time if and only if the advantages of random
+actions, Q - V, are proportional: then one is the other, scaled and shaped by a potential that is 0 at the end (A. Ng, D. Harada
+and S. Russell, Policy invariance under reward transformations, ICML 1999). Other tasks are compared in episodes with the same
+random words.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter, defaultdict
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import decimal
+from taskspec.exact.abstraction.abstraction import Rows, classes_from, levels
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.model import refuse
+from taskspec.exact.model.probabilities import ExactProbabilities, Inexact, Reader
+from taskspec.exact.model.transitions import Steps, joint_outcomes, outcome_count
+from taskspec.exact.rollout.rollout import Rollout, State, at_random, is_bounded, reads_of
+from taskspec.exact.solve.backward import backward
+from taskspec.exact.solve.bounded import Bound
+from taskspec.exact.solve.rational import Scaled
+from taskspec.exact.solve.solve import Solver, Solvers
+from taskspec.language.expressions.batch import evaluate
+from taskspec.language.expressions.types import Refused
+from taskspec.language.task.task import Task
+from taskspec.show.record import space
+
+Relation = Literal[
+    "identical", "same task", "renamed", "scaled reward", "shaped reward", "same optimal policy", "different",
+    "no difference found",
+]  # fmt: skip
+MOST_OUTCOMES = 400_000
+"""Outcomes of all steps together up to which tasks are compared exactly."""
+MOST_VALUES = 5_000_000
+"""Action values of all times up to which policies are compared."""
+MOST_RENAMINGS = 720
+LANES = 256
+MOST_STEPS = 200
+EQUAL = 1e-9
+
+
+@dataclass(frozen=True)
+class FirstDifference:
+    """A step at which two tasks part.
+
+    Attributes:
+        actions: the shortest actions that show it, the last one among them, by name.
+        t, state, action: when and where; the action is None where the start, an observation, the legal actions or the
+            horizon differ.
+        first, second: what happens in each task, in words.
+    """
+
+    actions: tuple[str, ...]
+    t: int
+    state: str | None
+    action: str | None
+    first: str
+    second: str
+
+
+@dataclass(frozen=True)
+class TaskRelation:
+    """The relation of two tasks.
+
+    Attributes:
+        words: the relation in a sentence.
+        difference: the first difference by name; None where there is none, or states have other names.
+        returns: the optimal return of each task.
+        new_version: whether the version in the id must rise; None for tasks of different names.
+    """
+
+    relation: Relation
+    words: str
+    difference: FirstDifference | None = None
+    returns: Mapping[str, float] | None = None
+    new_version: bool | None = None
+
+
+def compare(a: Task, b: Task) -> TaskRelation:
+    """Compare two tasks in meaning: exactly if both are finite, otherwise in episodes with the same random words.
+
+    Args:
+        a: a task.
+        b: another task, or another version of the same one.
+
+    Returns:
+        their relation, with the first difference by name where there is one.
+    """
+    relation = _compared(a, b)
+    if a.name != b.name:
+        return relation
+    is_same = relation.relation in ("identical", "same task") and not _other_spaces(a, b)
+    return replace(relation, new_version=not is_same)
+
+
+def _compared(a: Task, b: Task) -> TaskRelation:
+    if a.content_hash == b.content_hash and a.name == b.name:
+        return TaskRelation("identical", "all sections that decide the behaviour are written in the same way")
+    try:
+        one = NamedSteps(a)
+        other = NamedSteps(b)
+    except SpecError as error:
+        return _by_episodes(a, b, error.diagnostics[0].message)
+    except (Inexact, Refused):
+        return _by_episodes(a, b, "probabilities are no rational numbers")
+    difference = _first_difference(one, other)
+    if difference is None:
+        words = "every step has the same outcomes"
+        spaces = _other_spaces(a, b)
+        if spaces:
+            words += f"; but {spaces}"
+        if a.process.measures or b.process.measures:
+            words += "; measures were not compared"
+        return TaskRelation("same task", words)
+    names = _renaming(one, other)
+    if names is not None:
+        return TaskRelation("renamed", f"only names differ: {names}", difference)
+    return _by_rewards(one, other, difference)
+
+
+def _other_spaces(a: Task, b: Task) -> str:
+    """Name the space that differs, in words; empty where none does."""
+    if space(a.observation_layout) != space(b.observation_layout):
+        return "the observation space is another one"
+    if space(a.action_layout) != space(b.action_layout):
+        return "the action space is another one"
+    return ""
+
+
+# -- all steps of a finite task ---------------------------------------------------------------------------------------
+
+
+class NamedSteps:
+    """The outcomes of a finite task in rationals; states and actions have their values as names.
+
+    Raises:
+        SpecError: E712 for tasks that are not finite, or too large.
+        Inexact: for probabilities that are no rationals.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.model = extract(task, True)
+        self._steps = Steps(task, as_paid=True)
+        if math.isinf(self._steps.branching):
+            self._steps = Steps(task)
+        self.times = 1
+        if self._steps.uses_time:
+            self.times = task.horizon or 1
+        if self.model.n_states * self.model.n_actions * self._steps.branching * self.times > MOST_OUTCOMES:
+            refuse("there are too many steps to compare")
+        if not task.observation.is_state and math.isinf(outcome_count(task.observation.nodes)):
+            refuse("observations have infinitely many outcomes")
+        self._numbers = ExactProbabilities(Reader(as_written=True))
+        self.names: list[Hashable] = [_name(self.model.state(s)) for s in range(self.model.n_states)]
+        self.index = {name: s for s, name in enumerate(self.names)}
+        self.actions: list[Hashable] = [_name(self.model.action(a)) for a in range(self.model.n_actions)]
+        codes, weights = self._steps.starts(self._numbers)
+        self.start = dict(zip(np.searchsorted(self.model.codes, codes).tolist(), weights.tolist(), strict=True))
+        self.named_start = {self.names[s]: p for s, p in self.start.items()}
+        self._rows_at = lru_cache(maxsize=2)(self._rows)
+        self._observed_at = lru_cache(maxsize=2)(self._observed)
+        self.rows(0)
+        self.observed(0)
+
+    def rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
+        """Probabilities of the outcomes (next state, reward, end) at a time, by state and action."""
+        return self._rows_at(min(t, self.times - 1))
+
+    def _rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
+        steps = self._steps.table(self.model.codes, t, self._numbers).by_step(len(self.names))
+        rows = []
+        for s in range(len(self.names)):
+            rows.append([steps.get((s, a), {}) for a in range(len(self.actions))])
+        return rows
+
+    def observed(self, t: int) -> list[Hashable]:
+        """Observation in each state at a time; the distribution of it where it is drawn."""
+        return self._observed_at(min(t, self.times - 1))
+
+    def _observed(self, t: int) -> list[Hashable]:
+        observation = self.task.observation
+        if observation.is_state:
+            return self.names
+        distributions: list[Counter[Hashable]] = [Counter() for _ in self.names]
+        for values, state, p in joint_outcomes(observation.nodes, self.model.reads(t), len(self.names), self._numbers):
+            flat = np.vstack([value.reshape(-1, len(state)) for value in values])
+            for s, value, weight in zip(state.tolist(), flat.T.tolist(), p.tolist(), strict=True):
+                distributions[s][tuple(value)] += weight
+        return [frozenset(distribution.items()) for distribution in distributions]
+
+    def legal(self, s: int) -> list[Hashable]:
+        """Legal actions in a state."""
+        if self.model.legal is None:
+            return self.actions
+        return [self.actions[a] for a in np.flatnonzero(self.model.legal[:, s])]
+
+    def named(self, t: int, s: int, a: int) -> dict[Any, Fraction]:
+        """Probabilities of the outcomes of a step, with the names of next states."""
+        outcomes = {}
+        for (to, reward, ends), p in self.rows(t)[s][a].items():
+            outcomes[self.names[to], reward, ends] = p
+        return outcomes
+
+
+def _name(values: Mapping[str, Any]) -> Hashable:
+    return tuple((key, str(value)) for key, value in values.items())
+
+
+def shown(name: Any) -> str:
+    """Write a name in words: `x = 2, y = 0`."""
+    return ", ".join(f"{key} = {value}" for key, value in name)
+
+
+def _few(parts: Sequence[str], most: int) -> str:
+    return "; ".join(parts[:most]) + "; ..." * (len(parts) > most)
+
+
+def _with_chance(words: str, p: Fraction) -> str:
+    if p == 1:
+        return words
+    return f"{words} with probability {p}"
+
+
+def _outcome_words(outcomes: Mapping[Any, Fraction]) -> str:
+    parts = []
+    for (name, reward, ends), p in sorted(outcomes.items(), key=lambda item: (-item[1], repr(item[0]))):
+        words = f"{shown(name)}, reward {decimal(reward)}"
+        if ends:
+            words += ", end"
+        parts.append(_with_chance(words, p))
+    return _few(parts, 4)
+
+
+def _action_words(names: Sequence[Any]) -> str:
+    return f"actions {_few(list(map(shown, names)), 8)}"
+
+
+def _start_words(starts: Mapping[Any, Fraction]) -> str:
+    states = [_with_chance(shown(name), p) for name, p in starts.items()]
+    return f"starts in {_few(states, 4)}"
+
+
+def _seen_words(label: Any) -> str:
+    if isinstance(label, frozenset):
+        return "; ".join(_with_chance(str(list(value)), p) for value, p in sorted(label)[:4])
+    return shown(label)
+
+
+# -- the first difference by name -------------------------------------------------------------------------------------
+
+
+def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | None:
+    """Search for a difference in order of time; the shortest actions show it."""
+    if one.actions != other.actions:
+        return FirstDifference((), 0, None, None, _action_words(one.actions), _action_words(other.actions))
+    if one.named_start != other.named_start:
+        return FirstDifference((), 0, None, None, _start_words(one.named_start), _start_words(other.named_start))
+    if one.task.discount != other.task.discount:
+        discounts = (f"discount {one.task.discount:g}", f"discount {other.task.discount:g}")
+        return FirstDifference((), 0, None, None, *discounts)
+    is_alike = one.task.horizon == other.task.horizon
+    last = min(one.task.horizon or math.inf, other.task.horizon or math.inf)
+    level: dict[int, tuple[str, ...]] = dict.fromkeys(one.start, ())
+    seen: set[int] = set()
+    t = 0
+    while level and t <= last:
+        if t == last and not is_alike:
+            path = next(iter(level.values()))
+            return FirstDifference(path, t, None, None, _end_words(one.task.horizon), _end_words(other.task.horizon))
+        if is_alike and one.times == other.times == 1:
+            level = {s: path for s, path in level.items() if s not in seen}
+            seen |= set(level)
+        difference, level = _level(one, other, t, level, t < last)
+        if difference is not None:
+            return difference
+        t += 1
+    return None
+
+
+def _end_words(horizon: int | None) -> str:
+    if horizon is None:
+        return "no horizon"
+    return f"truncated after {horizon} steps"
+
+
+def _level(
+    one: NamedSteps, other: NamedSteps, t: int, level: Mapping[int, tuple[str, ...]], acts: bool
+) -> tuple[FirstDifference | None, dict[int, tuple[str, ...]]]:
+    following: dict[int, tuple[str, ...]] = {}
+    for s, path in level.items():
+        same = other.index[one.names[s]]
+        state = shown(one.names[s])
+        seen = one.observed(t)[s]
+        other_seen = other.observed(t)[same]
+        if seen != other_seen:
+            words = (f"observed {_seen_words(seen)}", f"observed {_seen_words(other_seen)}")
+            return FirstDifference(path, t, state, None, *words), {}
+        if not acts:
+            continue
+        legal = one.legal(s)
+        other_legal = other.legal(same)
+        if legal != other_legal:
+            words = (f"legal {_action_words(legal)}", f"legal {_action_words(other_legal)}")
+            return FirstDifference(path, t, state, None, *words), {}
+        for a, action in enumerate(one.actions):
+            outcomes = one.named(t, s, a)
+            other_outcomes = other.named(t, same, a)
+            here = (*path, shown(action))
+            if outcomes != other_outcomes:
+                words = (_outcome_words(outcomes), _outcome_words(other_outcomes))
+                return FirstDifference(here, t, state, shown(action), *words), {}
+            for to, _, ends in one.rows(t)[s][a]:
+                if not ends:
+                    following.setdefault(to, here)
+    return None, following
+
+
+# -- other names ------------------------------------------------------------------------------------------------------
+
+
+def _renaming(one: NamedSteps, other: NamedSteps) -> str | None:
+    """Search for a renaming of states and actions after which the tasks are the same, in words."""
+    a = one.task
+    b = other.task
+    times = max(one.times, other.times)
+    is_large = times * (len(one.names) + len(other.names)) > MOST_OUTCOMES
+    if a.horizon != b.horizon or a.discount != b.discount or len(one.actions) != len(other.actions) or is_large:
+        return None
+    if a.mask or b.mask:
+        return None
+    n = len(one.names)
+    labels: list[Hashable] = [0] * (n + len(other.names))
+    if not (a.observation.is_state and b.observation.is_state):
+        labels = [*one.observed(0), *other.observed(0)]
+    orders = itertools.permutations(range(len(one.actions)))
+    for order in itertools.islice(orders, MOST_RENAMINGS):
+        if times == 1:
+            classes = levels(_joined(one, other, order, 0), labels, a.horizon)[-1]
+        else:
+            backwards = (_joined(one, other, order, t) for t in reversed(range(times)))
+            classes = classes_from(backwards, labels)
+        if _merged(one.start, classes, 0) == _merged(other.start, classes, n):
+            return _renamed(one, other, classes, order)
+    return None
+
+
+def _joined(one: NamedSteps, other: NamedSteps, order: Sequence[int], t: int) -> Rows:
+    n = len(one.names)
+    rows = list(one.rows(t))
+    for by_action in other.rows(t):
+        reordered = []
+        for a in order:
+            moved = {(to + n, reward, ends): p for (to, reward, ends), p in by_action[a].items()}
+            reordered.append(moved)
+        rows.append(reordered)
+    return rows
+
+
+def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> dict[int, Fraction]:
+    by_class: dict[int, Fraction] = defaultdict(Fraction)
+    for s, p in start.items():
+        by_class[classes[s + shift]] += p
+    return by_class
+
+
+def _renamed(one: NamedSteps, other: NamedSteps, classes: Sequence[int], order: Sequence[int]) -> str:
+    pairs = [(one.actions[a], other.actions[b]) for a, b in enumerate(order)]
+    of_class = {classes[s + len(one.names)]: name for s, name in enumerate(other.names)}
+    for s, name in enumerate(one.names):
+        if classes[s] in of_class:
+            pairs.append((name, of_class[classes[s]]))
+    return _few([f"{shown(x)} is {shown(y)}" for x, y in pairs if x != y], 6)
+
+
+# -- other rewards ----------------------------------------------------------------------------------------------------
+
+
+def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference) -> TaskRelation:
+    """Compare rewards and optimal policies of tasks with the same states."""
+    if one.index.keys() != other.index.keys() or one.actions != other.actions or one.task.horizon != other.task.horizon:
+        return TaskRelation("different", "they differ in more than rewards", difference)
+    where = np.array([other.index[name] for name in one.names])
+    times = range(max(one.times, other.times))
+    looks_alike = all(one.observed(t) == [other.observed(t)[s] for s in where] for t in times)
+    if difference.action is None or not looks_alike:
+        words = "they start, end or are observed in another way, or other actions are legal"
+        return TaskRelation("different", words, difference)
+    solvers = [Solvers(x.model).of() for x in (one, other)]
+    returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
+    size = (one.task.horizon or math.inf) * len(one.actions) * len(one.names)
+    if size > MOST_VALUES:
+        words = "they differ; without a horizon, or with many steps and states, policies are not compared"
+        return TaskRelation("different", words, difference, returns)
+    acting = [np.flatnonzero(level) for _, level in one.model.levels()]
+    if all(_moves(one, t) == _moves(other, t) for t in times):
+        factor = _factor(_advantages(solvers, where, acting, is_random=True))
+        if factor is not None:
+            scale = ""
+            if factor != 1:
+                scale = f" times {decimal(float(factor))}"
+            if all(_is_scaled(one, other, where, t, float(factor)) for t in times):
+                return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
+            words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
+            return TaskRelation("shaped reward", words, difference, returns)
+    others_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
+    if [set(where[states]) for states in acting] != [set(states) for states in others_acting]:
+        return TaskRelation("different", "other states are visited", difference, returns)
+    pairs = _advantages(solvers, where, acting, is_random=False)
+    if all(((mine >= -EQUAL) == (theirs >= -EQUAL)).all() for mine, theirs in pairs):
+        words = "in every state and at every time, the same actions are optimal"
+        return TaskRelation("same optimal policy", words, difference, returns)
+    return TaskRelation("different", "other actions are optimal", difference, returns)
+
+
+def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
+    moves: dict[Hashable, dict[Hashable, Fraction]] = {}
+    for s in np.flatnonzero(x.model.acting).tolist():
+        for a in range(len(x.actions)):
+            merged: dict[Hashable, Fraction] = defaultdict(Fraction)
+            for (name, _, ends), p in x.named(t, s, a).items():
+                merged[name, ends] += p
+            moves[x.names[s], a] = merged
+    return moves
+
+
+def _advantages(
+    solvers: Sequence[Solver], where: Array, acting: Sequence[Array], is_random: bool
+) -> Iterator[tuple[Array, Array]]:
+    first, second = (_plan(solver.numbers, is_random) for solver in solvers)
+    for (t, q, v), (_, their_q, their_v) in zip(first, second, strict=True):
+        if t < len(acting):
+            ours = _plain(q) - _plain(v)
+            theirs = _plain(their_q) - _plain(their_v)
+            yield ours[:, acting[t]], theirs[:, where[acting[t]]]
+
+
+def _plan(n: Any, is_random: bool) -> Iterator[tuple[int, Any, Any]]:
+    def choose(t: int, q: Any) -> Any:
+        if is_random:
+            return n.follow(n.uniform, q)
+        return n.top(q)
+
+    return backward(n.backup, choose, n.zero(), n.horizon)
+
+
+def _plain(x: Scaled | Bound) -> Array:
+    if isinstance(x, Bound):
+        return x.value
+    return np.array([Fraction(int(p), x.over) for p in x.parts.ravel()], dtype=object).reshape(x.parts.shape)
+
+
+def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
+    """Positive number that turns first arrays into second ones; None where there is none, 1 where all are 0."""
+    factor: Any = None
+    for mine, theirs in pairs:
+        largest_value = max(abs(mine).max(initial=0), abs(theirs).max(initial=0))
+        size = max(EQUAL, EQUAL * float(largest_value))
+        largest = np.unravel_index(int(abs(mine).argmax()), mine.shape)
+        if factor is None and abs(mine[largest]) > size:
+            factor = theirs[largest] / mine[largest]
+        if (factor is not None and factor <= 0) or (abs(theirs - (factor or 0) * mine) > size).any():
+            return None
+    if factor is None:
+        return 1
+    return factor
+
+
+def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float) -> bool:
+    shape = (len(one.actions), len(one.names))
+    ours = one.model.step(t).R.reshape(shape)[:, one.model.acting]
+    theirs = other.model.step(t).R.reshape(shape)[:, where[one.model.acting]]
+    return bool(np.allclose(theirs, factor * ours, rtol=EQUAL, atol=EQUAL))
+
+
+# -- tasks that are not finite ----------------------------------------------------------------------------------------
+
+
+def _components(task: Task) -> list[Any]:
+    return [(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)]
+
+
+def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
+    if _components(a) != _components(b):
+        return TaskRelation("different", f"states or actions have other components or bounds; {reason}")
+    if (a.horizon, a.discount) != (b.horizon, b.discount):
+        return TaskRelation("different", f"the horizon or the discount is another one; {reason}")
+    if not is_bounded(a):
+        return TaskRelation("no difference found", f"nothing was compared, since actions have no bounds; {reason}")
+    spaces = _other_spaces(a, b)
+    if spaces:
+        return TaskRelation("different", f"{spaces}; {reason}")
+    watched = not (a.observation.is_random or b.observation.is_random)
+    if not watched:
+        reason += "; observations are drawn, and were not compared"
+    runs = [Rollout(task, LANES) for task in (a, b)]
+    states = [run.start() for run in runs]
+    seen = [_stacked(task, state, 0, watched) for task, state in zip((a, b), states, strict=True)]
+    alive = np.ones(LANES, np.bool_)
+    choose = at_random(a)
+    rng = np.random.default_rng(0)
+    actions: list[Mapping[str, Array]] = []
+    steps = min(a.horizon or MOST_STEPS, MOST_STEPS)
+    for t in range(steps + 1):
+        wrong = np.flatnonzero(alive & (seen[0] != seen[1]).any(axis=0))
+        if len(wrong):
+            return _parted(a, actions, seen, int(wrong[0]), reason)
+        if t == steps or not alive.any():
+            break
+        actions.append(choose(states[0], t, rng))
+        moved = [run.step(state, actions[-1], t) for run, state in zip(runs, states, strict=True)]
+        states = [each.state for each in moved]
+        seen = []
+        for task, step in zip((a, b), moved, strict=True):
+            seen.append(_stacked(task, step.state, t + 1, watched, step.reward, step.terminal))
+        alive &= ~moved[0].terminal.astype(np.bool_)
+    words = f"{LANES} episodes of random actions with the same random words are the same for {t} steps; {reason}"
+    return TaskRelation("no difference found", words)
+
+
+def _parted(
+    task: Task, actions: Sequence[Mapping[str, Array]], seen: Sequence[Array], lane: int, reason: str
+) -> TaskRelation:
+    path = tuple(_taken(action, lane) for action in actions)
+    values = [f"state, observation, reward, end: {_numbers(each[:, lane])}" for each in seen]
+    drawn = ""
+    if task.process.reset_draws or task.process.step_draws:
+        drawn = "; they draw, so that other random words may explain it"
+    words = f"episodes with the same random words part{drawn}; {reason}"
+    return TaskRelation("different", words, FirstDifference(path, len(actions), None, None, *values))
+
+
+def _taken(action: Mapping[str, Array], lane: int) -> str:
+    return ", ".join(f"{name} = {_numbers(value[..., lane])}" for name, value in action.items())
+
+
+def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) -> Array:
+    parts = [*state.values(), *others]
+    if watched:
+        parts += evaluate(task.observation.nodes, reads_of(state, {}, t))
+    rows = []
+    for value in parts:
+        lanes = np.broadcast_to(value, (*value.shape[:-1], LANES))
+        rows.append(lanes.reshape(-1, LANES).astype(float))
+    return np.vstack(rows)
+
+
+def _numbers(values: Array) -> str:
+    texts = [decimal(float(value), 6) for value in np.ravel(values)[:8]]
+    if len(texts) == 1:
+        return texts[0]
+    if np.size(values) > 8:
+        texts.append("...")
+    return f"[{', '.join(texts)}]"

@@ -1,0 +1,147 @@
+"""Smaller versions of a task in tables: fewer states, actions, steps and outcomes, and plainer numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.tools.exchange.frozen_task import FrozenTask, Rows, visited
+
+Holds = Callable[[Sequence[FrozenTask]], Sequence[bool]]
+"""From several tasks to whether what matters holds on each of them."""
+BATCH = 4
+"""Tasks that are asked about at a time."""
+
+
+def shrink(task: FrozenTask, holds: Holds, is_over: Callable[[], bool]) -> list[FrozenTask]:
+    """Return ever smaller tasks on which something holds, the given one first.
+
+    Of the smaller versions of a task the first one is taken on which it holds, until there is none (after delta debugging, Zeller
+    and Hildebrandt 2002).
+
+    Args:
+        is_over: whether there is no time left.
+    """
+    path = [task]
+    while not is_over():
+        candidates = list(smaller(path[-1]))
+        found = None
+        for i in range(0, len(candidates), BATCH):
+            batch = candidates[i : i + BATCH]
+            answers = holds(batch)
+            found = next((each for each, answer in zip(batch, answers, strict=True) if answer), None)
+            if found is not None or is_over():
+                break
+        if found is None:
+            return path
+        path.append(found)
+    return path
+
+
+def size(task: FrozenTask) -> tuple[int, ...]:
+    """Return how large a task is; what comes first counts most."""
+    outcomes = [outcome for _, _, outcome in task.steps()]
+    rows = sum(len(set(by_action)) for by_action in task.outcomes)
+    paid = [outcome.reward for outcome in outcomes if outcome.reward != 0]
+    return (
+        len(task.states), len(task.actions), task.horizon or 0, sum(p > 0 for p in task.start), len(outcomes), rows, len(paid),
+        sum(outcome.ends for outcome in outcomes), sum(abs(reward) != 1 for reward in paid),
+    )  # fmt: skip
+
+
+def smaller(task: FrozenTask) -> Iterator[FrozenTask]:
+    """Yield smaller versions of a task, those that lack most first."""
+    seen = set()
+    for change in (_fewer_states, _fewer_actions, _fewer_steps, _one_start, _fewer_outcomes, _equal_actions, _plainer):
+        for changed in change(task):
+            found = visited(changed)
+            if size(found) < size(task) and found.outcomes not in seen:
+                seen.add(found.outcomes if found.horizon == task.horizon else (found.outcomes, found.horizon))
+                yield found
+
+
+def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
+    """Yield the task without each of its states: steps that led there stay where they are, lead to the start, or end."""
+    first = max(range(len(task.states)), key=lambda s: task.start[s])
+    for gone in range(len(task.states) - 1, -1, -1):
+        if gone == first:
+            continue
+        for way in ("stay", "start", "end"):
+            rows = []
+            for s, by_action in enumerate(task.outcomes):
+                target = first if way == "start" else s
+                rows.append(tuple(_redirected(outcomes, gone, target, way == "end") for outcomes in by_action))
+            start: list[Number] = [p if s != gone else 0.0 for s, p in enumerate(task.start)]
+            start[first] += task.start[gone]
+            yield replace(task, outcomes=tuple(rows), start=tuple(start))
+
+
+def _redirected(outcomes: Sequence[Outcome], gone: int, target: int, ends: bool) -> tuple[Outcome, ...]:
+    found: dict[int, Outcome] = {}
+    for outcome in outcomes:
+        moved = outcome
+        if outcome.state == gone:
+            moved = replace(outcome, state=target, ends=outcome.ends or ends)
+        known = found.get(moved.state)
+        if known is not None:
+            probability = known.probability + moved.probability
+            paid = known.probability * known.reward + moved.probability * moved.reward
+            moved = Outcome(probability, moved.state, paid / probability, known.ends or moved.ends)
+        found[moved.state] = moved
+    return tuple(found.values())
+
+
+def _fewer_actions(task: FrozenTask) -> Iterator[FrozenTask]:
+    if len(task.actions) <= 2:
+        return
+    for gone in range(len(task.actions)):
+        kept = [a for a in range(len(task.actions)) if a != gone]
+        rows = tuple(tuple(by_action[a] for a in kept) for by_action in task.outcomes)
+        yield replace(task, actions=tuple(task.actions[a] for a in kept), outcomes=rows)
+
+
+def _fewer_steps(task: FrozenTask) -> Iterator[FrozenTask]:
+    if task.horizon is None or task.last is not None:
+        return
+    lengths = sorted({1, 2, task.horizon // 2, task.horizon - 1})
+    for length in lengths:
+        if 1 <= length < task.horizon:
+            yield replace(task, horizon=length)
+
+
+def _one_start(task: FrozenTask) -> Iterator[FrozenTask]:
+    for chosen, probability in enumerate(task.start):
+        if 0 < probability < 1:
+            yield replace(task, start=tuple(float(s == chosen) for s in range(len(task.start))))
+
+
+def _fewer_outcomes(task: FrozenTask) -> Iterator[FrozenTask]:
+    for s, by_action in enumerate(task.outcomes):
+        for a, outcomes in enumerate(by_action):
+            for outcome in outcomes if len(outcomes) > 1 else ():
+                yield replace(task, outcomes=_with_row(task.outcomes, s, a, (replace(outcome, probability=1.0),)))
+
+
+def _equal_actions(task: FrozenTask) -> Iterator[FrozenTask]:
+    for s, by_action in enumerate(task.outcomes):
+        for chosen in dict.fromkeys(by_action):
+            rows = list(task.outcomes)
+            rows[s] = (chosen,) * len(by_action)
+            yield replace(task, outcomes=tuple(rows))
+
+
+def _plainer(task: FrozenTask) -> Iterator[FrozenTask]:
+    for s, by_action in enumerate(task.outcomes):
+        for a, outcomes in enumerate(by_action):
+            for value in (0.0, 1.0, -1.0):
+                paid = tuple(replace(outcome, reward=value) for outcome in outcomes)
+                yield replace(task, outcomes=_with_row(task.outcomes, s, a, paid))
+            on = tuple(replace(outcome, ends=False) for outcome in outcomes)
+            yield replace(task, outcomes=_with_row(task.outcomes, s, a, on))
+
+
+def _with_row(rows: Rows, state: int, action: int, row: tuple[Outcome, ...]) -> Rows:
+    by_action = list(rows[state])
+    by_action[action] = row
+    return (*rows[:state], tuple(by_action), *rows[state + 1 :])
