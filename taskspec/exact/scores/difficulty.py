@@ -207,21 +207,15 @@ def _best_state_reward(results: Results) -> float:
     return measures.score_of(results, measures.best_state_reward(results.known_model))
 
 
-LAIDLAW = (
-    "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
-)
-MAILLARD = (
-    "O.-A. Maillard, T. Mann and S. Mannor, “How Hard Is My MDP? The Distribution-Norm to the Rescue” (NeurIPS 2014)"
-)
-SIMCHOWITZ = (
-    "M. Simchowitz and K. Jamieson, “Non-Asymptotic Gap-Dependent Regret Bounds for Tabular MDPs” (NeurIPS 2019)"
-)
+LAIDLAW = "Laidlaw, Russell and Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
+MAILLARD = "Maillard, Mann and Mannor, “How Hard Is My MDP? The Distribution-Norm to the Rescue” (NeurIPS 2014)"
+SIMCHOWITZ = "Simchowitz and Jamieson, “Non-Asymptotic Gap-Dependent Regret Bounds for Tabular MDPs” (NeurIPS 2019)"
 SKALSE = (
-    "J. Skalse, L. Farnik, S. Motwani, E. Jenner, A. Gleave and A. Abate, “STARC: A General Framework For Quantifying "
+    "Skalse, Farnik, Motwani, Jenner, Gleave and Abate, “STARC: A General Framework For Quantifying "
     "Differences Between Reward Functions” (ICLR 2024)"
 )
-ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
-SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
+ZIEBART = "Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
+SHANNON = "Shannon, “A Mathematical Theory of Communication” (1948)"
 
 
 _MEASURES = [
