@@ -380,11 +380,15 @@ class Model:
         t = 0
         while len(level) and (horizon is None or t < horizon):
             times[level] = t
-            ahead = []
-            for a in range(self.n_actions):
-                columns = _columns(P, level + a * self.n_states)
-                ahead.append(distinct(columns[times[columns] == NEVER]))
-            level = union(ahead)
+            if 8 * len(level) > self.n_states:
+                new = self.successors(P, times == t) & (times == NEVER)
+                level = np.flatnonzero(new)
+            else:
+                ahead = []
+                for a in range(self.n_actions):
+                    columns = _columns(P, level + a * self.n_states)
+                    ahead.append(distinct(columns[times[columns] == NEVER]))
+                level = union(ahead)
             t += 1
         return times
 

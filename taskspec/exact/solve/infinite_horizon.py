@@ -123,8 +123,15 @@ def nearest_first(matrix: Any, targets: Array) -> Array:
     from scipy.sparse.csgraph import breadth_first_order  # a fiftieth of a second, for this alone
 
     n = len(targets)
-    back = matrix.tocsc(copy=True)
-    back.eliminate_zeros()
+    if n <= DIRECT:  # there may be many more entries than pairs of states
+        leads = np.zeros((n, n), np.bool_)
+        source = np.repeat(np.arange(matrix.shape[0]) % n, np.diff(matrix.indptr))
+        possible = matrix.data > 0
+        leads[matrix.indices[possible], source[possible]] = True
+        back = sparse.csr_array(leads)
+    else:
+        back = matrix.tocsc(copy=True)
+        back.eliminate_zeros()
     first = np.flatnonzero(targets)
     indices = np.append(back.indices % n, first)  # one more node, before all targets
     indptr = np.append(back.indptr, len(indices))
@@ -302,9 +309,9 @@ class InfiniteHorizon(Bounded):
         def q_values(V: Array) -> Array:
             return self.model.among_legal(np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0), -np.inf)
 
-        if P.nnz > COMPILED and is_installed("numba"):
-            return self._compiled_values(reward, live, enough)
         if np.count_nonzero(live) > DIRECT:
+            if P.nnz > COMPILED and is_installed("numba"):
+                return self._compiled_values(reward, live, enough)
             value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz, enough)
             if not np.isfinite(value).all():
                 refuse(UNENDING, HINT)

@@ -172,6 +172,7 @@ def test_without_a_horizon_by_linear_programming(monkeypatch: pytest.MonkeyPatch
     from scipy.optimize import linprog
 
     monkeypatch.setattr(infinite_horizon, "COMPILED", least)
+    monkeypatch.setattr(infinite_horizon, "DIRECT", min(least, infinite_horizon.DIRECT))
     small = Small(seed, states=5, actions=3, horizon="none", discount=0.9)
     live = np.array([small.going(s) for s in range(5)])
     r = (small.p * small.r).sum(axis=-1)  # (s, a)
@@ -181,7 +182,11 @@ def test_without_a_horizon_by_linear_programming(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_states_that_lead_to_others_by_powers_of_the_matrix(seed: int) -> None:
+@pytest.mark.parametrize("direct", [0, infinite_horizon.DIRECT])
+def test_states_that_lead_to_others_by_powers_of_the_matrix(
+    monkeypatch: pytest.MonkeyPatch, seed: int, direct: int
+) -> None:
+    monkeypatch.setattr(infinite_horizon, "DIRECT", direct)
     states = 12
     rng = np.random.default_rng(seed)
     rows = sparse.csr_array(rng.random((2 * states, states)) < 0.06, dtype=np.float64)
