@@ -12,7 +12,7 @@ from docs.tools.law_learners import LEARNERS
 from docs.tools.markdown import code, filled, table
 from taskspec.exam import Running, examine
 from taskspec.learn.documents.score_rules import short_name
-from taskspec.learn.exam.laws import LAWS
+from taskspec.learn.exam.laws import LAWS, Law
 
 SEEDS = 5
 SHOWN = 0.1
@@ -36,16 +36,23 @@ def exams() -> dict[str, dict[str, Any]]:
 
 def page() -> str:
     """Return the page."""
-    laws = [(code(law.name), code(law.modifier), law.cause) for law in LAWS.values()]
+    laws = [(_named(law), law.cause) for law in LAWS.values()]
     found = exams()
     rows = []
     for law in LAWS:
         cells = [_cell(exam["laws"], law) for exam in found.values()]
         if any(cells):
             rows.append((code(law), *cells))
-    header = ("law", "modifier", "what usually breaks it")
+    header = ("law", "usual causes of a breach")
     parts = {"laws": table(header, laws), "learners": table(("law", *found), rows)}
     return filled(PAGE, parts)
+
+
+def _named(law: Law) -> str:
+    """Return the name of a law, with its modifier where that has another name."""
+    if law.modifier == law.name:
+        return code(law.name)
+    return f"{code(law.name)} ({code(law.modifier)})"
 
 
 def _cell(scores: list[dict[str, Any]], law: str) -> str:
