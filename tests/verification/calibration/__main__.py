@@ -15,7 +15,7 @@ import itertools
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
-from tests.verification.calibration.exams import Asked, Told, run
+from tests.verification.calibration.exams import Asked, Told, is_named, run
 from tests.verification.calibration.learners import RIGHT
 from tests.verification.calibration.page import SEEDS_OF_AN_EXAM, store, written
 from tests.verification.calibration.wrong import Mistake, mistakes
@@ -27,7 +27,9 @@ def lines(asked: Asked, results: list[Told]) -> Iterator[str]:
         who = f"{asked.learner}, {asked.budget:g} of the budget, seeds from {each.first}"
         if asked.mistake is not None:
             who = f"{asked.mistake.name} in {who}"
-        named = ", ".join((*each.names, *(f"`{name}`" for name in each.diagnoses))) or "nothing named"
+        notes = (f"({name})" for name in each.notes)
+        diagnoses = (f"`{name}`" for name in each.diagnoses)
+        named = ", ".join((*each.names, *notes, *diagnoses)) or "nothing named"
         flagged = ", ".join(each.flags) or "no flag"
         yield f"{who}: {named}; {flagged}"
 
@@ -75,15 +77,10 @@ def summary(everything: list[tuple[Asked, Told]]) -> str:
     if not any(asked.mistake for asked, _ in everything):
         wrong_names = sum(bool(each.names) for _, each in named)
         return f"{len(everything)} exams, {wrong_names} wrong names, {len(named)} with a name or a diagnosis, {flagged} flagged"
-    right_names = 0
-    wrong_names = 0
-    for asked, each in everything:
-        said = {*each.names, *each.diagnoses}
-        if said and asked.mistake is not None:
-            is_right = bool(said & set(asked.mistake.causes))
-            right_names += is_right
-            wrong_names += not is_right
-    return f"{len(everything)} exams, {right_names} rightly named, {wrong_names} wrongly, {flagged} flagged"
+    judged = [is_named(asked.mistake.causes, each) for asked, each in everything if asked.mistake is not None]
+    return (
+        f"{len(everything)} exams, {judged.count(True)} rightly named, {judged.count(False)} wrongly, {flagged} flagged"
+    )
 
 
 if __name__ == "__main__":

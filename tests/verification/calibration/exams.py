@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,14 @@ class Asked:
 
 @dataclass(frozen=True)
 class Told:
-    """What an exam says: mistakes that are named, diagnoses, and kinds of flags, each with its task."""
+    """What an exam says: mistakes that are named, what else explains the values, diagnoses, and kinds of flags with their tasks.
+
+    `notes` are names that are no mistake where they are meant: `on policy`, and `until the limit`.
+    """
 
     first: int
     names: tuple[str, ...]
+    notes: tuple[str, ...]
     diagnoses: tuple[str, ...]
     flags: tuple[str, ...]
 
@@ -61,11 +65,22 @@ def exam_of(name: str, train: Callable[[Any], Any], program: str, asked: Asked, 
 
 def told(exam: Exam, against: Exam | None, first: int) -> Told:
     """Return what an exam says, beside another one."""
-    names = [name for each in explanations(exam["scores"]) if each.is_mistake for name in each.names]
+    explained = list(explanations(exam["scores"]))
+    names = [name for each in explained if each.is_mistake for name in each.names]
+    notes = [name for each in explained if not each.is_mistake for name in each.names if name != "right"]
     raised = [*flags(exam["tasks"], exam["scores"], against), *learned_flags(exam["scores"])]
     diagnoses = [each["name"] for each in diagnose(exam, "probes")]
     kinds = [f"{flag['kind']} ({flag['task'].removeprefix('probes/').removesuffix('-v0')})" for flag in raised]
-    return Told(first, tuple(names), tuple(diagnoses), tuple(dict.fromkeys(kinds)))
+    return Told(first, tuple(names), tuple(notes), tuple(diagnoses), tuple(dict.fromkeys(kinds)))
+
+
+def is_named(causes: Sequence[str], said: Told) -> bool | None:
+    """Return whether an exam says one of the causes of a mistake; None where it accuses of nothing and says none."""
+    if {*said.names, *said.notes, *said.diagnoses} & set(causes):
+        return True
+    if said.names or said.diagnoses:
+        return False
+    return None
 
 
 def run(asked: Asked) -> list[Told]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from docs.tools.markdown import filled, table
 from taskspec.learn.statistics import rate_interval
-from tests.verification.calibration.exams import Asked, Told
+from tests.verification.calibration.exams import Asked, Told, is_named
 from tests.verification.calibration.wrong import mistakes
 
 RESULTS = Path(__file__).parent / "results.json"
@@ -50,7 +51,7 @@ def store(kind: str, asked: Asked, said: Sequence[Told]) -> None:
     for each in said:
         mistake = "" if asked.mistake is None else f" {asked.mistake.name}"
         key = f"{kind} {asked.learner}{mistake} {asked.budget:g} {each.first}"
-        known[key] = {"names": each.names, "diagnoses": each.diagnoses, "flags": each.flags}
+        known[key] = {name: value for name, value in asdict(each).items() if name != "first"}
     rows = [f" {json.dumps(key)}: {json.dumps(known[key])}" for key in sorted(known)]
     RESULTS.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
 
@@ -102,13 +103,14 @@ def _unseen(known: Results) -> str:
         prefix = f"{UNSEEN} {mistake.learner} {mistake.name} 1 "
         for said in [said for key, said in known.items() if key.startswith(prefix)][:1]:
             examined += 1
-            told = [*said["names"], *said["diagnoses"]]
-            names = ", ".join(told) or "–"
-            if told:
-                how = "rightly" if set(told) & set(mistake.causes) else "wrongly"
-                counts[how] += 1
-                if how == "wrongly":
-                    names = f"wrongly: {names}"
+            told = Told(0, **said)
+            notes = [f"({name})" for name in told.notes]
+            names = ", ".join([*told.names, *notes, *told.diagnoses]) or "–"
+            named = is_named(mistake.causes, told)
+            if named is not None:
+                counts["rightly" if named else "wrongly"] += 1
+            if named is False:
+                names = f"wrongly: {names}"
             counts["flagged"] += bool(said["flags"])
             flagged = "yes" if said["flags"] else "no"
             rows.append((TITLES[mistake.learner], mistake.what, flagged, names))
