@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from taskspec.learn.oracle.episodes import EnumeratedEpisode as EnumeratedEpisode
-from taskspec.learn.oracle.episodes import Expectation as Expectation
-from taskspec.learn.oracle.episodes import expectation as expectation
-from taskspec.learn.oracle.estimators import RolloutBatch as RolloutBatch
-from taskspec.learn.oracle.estimators import batch as batch
-from taskspec.learn.oracle.estimators import gae as gae
-from taskspec.learn.oracle.estimators import lambda_returns as lambda_returns
-from taskspec.learn.oracle.estimators import monte_carlo as monte_carlo
-from taskspec.learn.oracle.estimators import n_step_returns as n_step_returns
-from taskspec.learn.oracle.estimators import next_values as next_values
-from taskspec.learn.oracle.estimators import td_errors as td_errors
-from taskspec.learn.oracle.estimators import vtrace as vtrace
-from taskspec.learn.oracle.losses import bradley_terry_loss as bradley_terry_loss
-from taskspec.learn.oracle.losses import dpo_loss as dpo_loss
-from taskspec.learn.oracle.losses import grpo as grpo
-from taskspec.learn.oracle.losses import grpo_loss as grpo_loss
-from taskspec.learn.oracle.losses import ppo_loss as ppo_loss
-from taskspec.learn.oracle.losses import rloo as rloo
-from taskspec.learn.oracle.maximum_entropy import SoftValues as SoftValues
-from taskspec.learn.oracle.maximum_entropy import feature_expectations as feature_expectations
-from taskspec.learn.oracle.maximum_entropy import soft_values as soft_values
-from taskspec.learn.oracle.values import ObservedValues as ObservedValues
-from taskspec.learn.oracle.values import PolicyEvaluation as PolicyEvaluation
-from taskspec.learn.oracle.values import evaluate as evaluate
-from taskspec.learn.oracle.values import policy_gradient as policy_gradient
+from taskspec.tools.oracle.episodes import EnumeratedEpisode as EnumeratedEpisode
+from taskspec.tools.oracle.episodes import Expectation as Expectation
+from taskspec.tools.oracle.episodes import expectation as expectation
+from taskspec.tools.oracle.estimators import RolloutBatch as RolloutBatch
+from taskspec.tools.oracle.estimators import batch as batch
+from taskspec.tools.oracle.estimators import gae as gae
+from taskspec.tools.oracle.estimators import lambda_returns as lambda_returns
+from taskspec.tools.oracle.estimators import monte_carlo as monte_carlo
+from taskspec.tools.oracle.estimators import n_step_returns as n_step_returns
+from taskspec.tools.oracle.estimators import next_values as next_values
+from taskspec.tools.oracle.estimators import td_errors as td_errors
+from taskspec.tools.oracle.estimators import vtrace as vtrace
+from taskspec.tools.oracle.losses import bradley_terry_loss as bradley_terry_loss
+from taskspec.tools.oracle.losses import dpo_loss as dpo_loss
+from taskspec.tools.oracle.losses import grpo as grpo
+from taskspec.tools.oracle.losses import grpo_loss as grpo_loss
+from taskspec.tools.oracle.losses import ppo_loss as ppo_loss
+from taskspec.tools.oracle.losses import rloo as rloo
+from taskspec.tools.oracle.maximum_entropy import SoftValues as SoftValues
+from taskspec.tools.oracle.maximum_entropy import feature_expectations as feature_expectations
+from taskspec.tools.oracle.maximum_entropy import soft_values as soft_values
+from taskspec.tools.oracle.values import ObservedValues as ObservedValues
+from taskspec.tools.oracle.values import PolicyEvaluation as PolicyEvaluation
+from taskspec.tools.oracle.values import evaluate as evaluate
+from taskspec.tools.oracle.values import policy_gradient as policy_gradient
 
 __all__ = [
     "EnumeratedEpisode",

@@ -20,13 +20,13 @@ from taskspec.base.arrays import Array, parts_of
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.policies.adapters import ProbabilisticPolicy
+from taskspec.exact.policies.networks import outputs_of
 from taskspec.exact.policies.policy import states_of
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
 from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
 from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, on_policy_ways
-from taskspec.learn.observed_policies import outputs_of
 
 
 def fingerprint(

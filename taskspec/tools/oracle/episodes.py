@@ -19,8 +19,8 @@ from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Inexact
 from taskspec.exact.solve.outcomes import Number, OutcomeLists
 from taskspec.language.task.task import TaskLike
-from taskspec.learn.oracle.tables import Seen, model_of, plain, policy_table
-from taskspec.learn.oracle.values import By
+from taskspec.tools.oracle.tables import Seen, model_of, plain, policy_table
+from taskspec.tools.oracle.values import By
 
 COUNTED = 10**15
 """Episodes are counted up to here."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import misused
-from taskspec.learn.oracle.estimators import flags, numbers
+from taskspec.tools.oracle.estimators import flags, numbers
 
 
 def rloo(rewards: Any) -> Array:

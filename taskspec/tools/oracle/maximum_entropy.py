@@ -14,8 +14,8 @@ from taskspec.exact.model.transitions import Steps
 from taskspec.exact.solve.backward import action_values, backward
 from taskspec.exact.solve.plans import outcome_table
 from taskspec.language.task.task import TaskLike
-from taskspec.learn.oracle.tables import model_of, plain
-from taskspec.learn.oracle.values import PolicyEvaluation, evaluate
+from taskspec.tools.oracle.tables import model_of, plain
+from taskspec.tools.oracle.values import PolicyEvaluation, evaluate
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import misused
-from taskspec.learn.oracle.tables import plain
+from taskspec.tools.oracle.tables import plain
 
 
 def numbers(*values: Any) -> list[Array]:
@@ -267,7 +267,7 @@ GRID = 8
 
 @dataclass(frozen=True, eq=False)
 class RolloutBatch:
-    """T steps of N = 4 environments side by side, by the convention of `taskspec.learn.oracle.estimators`.
+    """T steps of N = 4 environments side by side, by the convention of `taskspec.tools.oracle.estimators`.
 
     Attributes:
         rewards, values: (T, N).

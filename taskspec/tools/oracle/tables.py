@@ -17,11 +17,11 @@ from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
 from taskspec.exact.policies import files
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
+from taskspec.exact.policies.networks import evaluating, is_network
 from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of
 from taskspec.exact.policies.values import LAST_AXIS, is_table
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.observed_policies import evaluating, is_network
 
 LARGEST = 2**24
 """The number of entries of a table (T, S, A)."""

@@ -28,7 +28,7 @@ from taskspec.exact.solve.backward import action_values, backward
 from taskspec.exact.solve.infinite_horizon import chain_values, followed
 from taskspec.exact.solve.rational import Rational, Scaled
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.oracle.tables import Seen, model_of, policy_table
+from taskspec.tools.oracle.tables import Seen, model_of, policy_table
 
 By = Literal["state", "observation"]
 """Which rows a table has."""
