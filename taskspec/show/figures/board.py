@@ -59,7 +59,10 @@ def chosen_ways(
     nowhere where no outcome is that likely: an outcome of chance is no choice. From a cell of several states, only the
     ways that are taken in all of them.
     """
-    pairs = [(code, action) for code, actions in policy.items() for action in actions]
+    pairs = []
+    for code, actions in policy.items():
+        for action in actions:
+            pairs.append((code, action))
     if not pairs:
         return
     ways = _ways_by_label(task)
@@ -76,7 +79,8 @@ def chosen_ways(
         cell = cells[code]
         common[cell] = {way: None for way in common.get(cell, some) if way in some}
     for cell, some in common.items():
-        yield from ((cell, way) for way in some)
+        for way in some:
+            yield cell, way
 
 
 def _ways_by_label(task: Task) -> list[Way] | None:
@@ -167,7 +171,10 @@ class Board:
         if cell in self.shades:
             yield replace(box, fill="accent", shade=self.shades[cell])
         written = cell in self.values or cell in self.letters or cell in self.agents
-        ways = {(round(way[0]), round(way[1])) for at, way in self.moves if at == cell}
+        ways = set()
+        for at, way in self.moves:
+            if at == cell:
+                ways.add((round(way[0]), round(way[1])))
         free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
         yield from marked(box, written, free)
 
@@ -238,7 +245,8 @@ class Board:
             return (cell[0] - self.columns.start) * size, (cell[1] - self.rows.start) * size
 
         fills: dict[Cell, Color] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
-        yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        for cell, role in fills.items():
+            yield Box(corner(cell), size, size, role, None)
         for cell, shade in self.shades.items():
             yield Box(corner(cell), size, size, "accent", None, shade=shade)
         for role in ROLES.values():
@@ -258,7 +266,11 @@ class Board:
 
     def _leaves(self, cell: Cell, way: Way) -> float:
         room = (text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05)
-        return min(r / (self.cell * abs(d)) for r, d in zip(room, way, strict=True) if d)
+        shares = []
+        for r, d in zip(room, way, strict=True):
+            if d:
+                shares.append(r / (self.cell * abs(d)))
+        return min(shares)
 
     def _value(self, cell: Cell) -> m.Math:
         value = self.values[cell]

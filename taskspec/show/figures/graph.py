@@ -66,21 +66,13 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     for drawing in whole(machine) if is_frame else drawings(machine):
         if len(drawing.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
             continue
-        vertices = [v for v in drawing.vertices if isinstance(v, int)]
-        request = _Request(
-            drawing,
-            machine.ending.intersection(vertices),
-            tuple(v for v in machine.start if v in vertices),
-            frozenset(v for v in vertices if machine.fills.get(v) == "good"),
-            len(machine.states) <= LOOPS_UP_TO,
-            tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
-            tuple(_on_arrow(machine, arc) for arc in drawing.arcs),
-            tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
-        )
+        request = _request(machine, drawing, overlay)
         plan = _planned(request)
         if plan is None or plan.cost:
-            roomy = _planned(replace(request, stretch=STRETCH))
-            plans = [p for p in (plan, roomy) if p is not None and (p.width <= WIDEST or is_frame)]
+            plans = []
+            for each in (plan, _planned(replace(request, stretch=STRETCH))):
+                if each is not None and (each.width <= WIDEST or is_frame):
+                    plans.append(each)
             plan = min(plans, key=lambda p: p.cost, default=None)
         if plan is None or (plan.width > WIDEST and not is_frame):
             continue
@@ -89,6 +81,24 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
         if plan.cost == 0:
             break
     return best
+
+
+def _request(machine: Machine, drawing: Drawing, overlay: Overlay) -> _Request:
+    vertices = [v for v in drawing.vertices if isinstance(v, int)]
+    words: list[tuple[Vertex, m.Math]] = []
+    for v in vertices:
+        for word in _at_state(machine, v, overlay):
+            words.append((v, word))
+    return _Request(
+        drawing=drawing,
+        ending=machine.ending.intersection(vertices),
+        start=tuple(v for v in machine.start if v in vertices),
+        good=frozenset(v for v in vertices if machine.fills.get(v) == "good"),
+        shows_loops=len(machine.states) <= LOOPS_UP_TO,
+        widths=tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
+        texts=tuple(_on_arrow(machine, arc) for arc in drawing.arcs),
+        words=tuple(words),
+    )
 
 
 def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
@@ -104,8 +114,9 @@ def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
 def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
     parts: list[m.Math] = []
     if arc.rewards and machine.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
-        each = zip(arc.actions, arc.rewards, strict=True)
-        return m.joined((m.joined((machine.actions[a], sc.equal("r", reward))) for a, reward in each), ";")
+        for a, reward in zip(arc.actions, arc.rewards, strict=True):
+            parts.append(m.joined((machine.actions[a], sc.equal("r", reward))))
+        return m.joined(parts, ";")
     if arc.probability is not None:
         parts.append(sc.chance(arc.probability))
     elif len(arc.actions) < machine.n_actions:
@@ -144,17 +155,7 @@ def _planned(request: _Request) -> Plan | None:
         if arc.source != arc.target or request.shows_loops:
             arcs.append(arc)
             texts.append(text)
-    pairs = {(arc.source, arc.target) for arc in arcs}
-    options = []
-    for arc in arcs:
-        a = spots[arc.source]
-        b = spots[arc.target]
-        if arc.source == arc.target:
-            options.append(loops(a))
-            continue
-        both = (arc.target, arc.source) in pairs
-        options.append(ways(a, b, both, not _is_chance(arc.target)))
-    options += [stubs(spots[v]) for v in request.start]
+    options = _options(arcs, spots) + [stubs(spots[v]) for v in request.start]
     ends = [(rank[arc.source], rank[arc.target]) for arc in arcs] + [(rank[v], rank[v]) for v in request.start]
     lines, crossings, faults = routed(options, ends, list(spots.values()))
     if crossings > MOST_CROSSINGS or faults:
@@ -185,6 +186,21 @@ def _planned(request: _Request) -> Plan | None:
     )  # fmt: skip
 
 
+def _options(arcs: Sequence[Arc], spots: Mapping[Vertex, Spot]) -> list[list[sc.Line]]:
+    """Return the lines among which the one of each arc is chosen."""
+    pairs = {(arc.source, arc.target) for arc in arcs}
+    options = []
+    for arc in arcs:
+        a = spots[arc.source]
+        b = spots[arc.target]
+        if arc.source == arc.target:
+            options.append(loops(a))
+        else:
+            both = (arc.target, arc.source) in pairs
+            options.append(ways(a, b, both, not _is_chance(arc.target)))
+    return options
+
+
 def _spots(request: _Request) -> dict[Vertex, Spot]:
     """Return vertices in columns far enough apart for the longest label of an arrow and the widest vertices.
 
@@ -199,11 +215,11 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
             sizes[v] = (0.12, 0.12)
         elif isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
-    arcs = zip(drawing.arcs, request.texts, strict=True)
-    longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
-    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
-    on = {a.source for a in drawing.arcs if a.source != a.target}
-    mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
+    on = {arc.source for arc in drawing.arcs if arc.source != arc.target}
+    step = max(DX, _longest(request) + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
+    mains = []
+    for layer in drawing.layers:
+        mains.append([v for v in layer if v in on or (v in request.good and v == layer[-1])])
     straight = all(len(main) <= 1 for main in mains)
     spots = {}
     for i, layer in enumerate(drawing.layers):
@@ -217,6 +233,15 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
             at: sc.Point = (step * i, heights[v] - shift)
             spots[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
     return spots
+
+
+def _longest(request: _Request) -> float:
+    """Return the width of the longest text on an arrow between two vertices."""
+    longest = 0.0
+    for arc, text in zip(request.drawing.arcs, request.texts, strict=True):
+        if arc.source != arc.target and text:
+            longest = max(longest, sc.text_width(text, ARROW))
+    return longest
 
 
 def _is_chance(v: Vertex) -> bool:

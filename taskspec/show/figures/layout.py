@@ -47,7 +47,10 @@ class Drawing:
 
     @property
     def vertices(self) -> list[Vertex]:
-        return [v for layer in self.layers for v in layer]
+        vertices: list[Vertex] = []
+        for layer in self.layers:
+            vertices += layer
+        return vertices
 
 
 def drawings(machine: Machine) -> Iterator[Drawing]:
@@ -130,7 +133,10 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
     while new:
         layers.append(new)
         seen |= set(new)
-        new = list(dict.fromkeys(t for v in new for t in outgoing.get(v, ()) if t not in seen))
+        reached: dict[Vertex, None] = {}
+        for v in new:
+            reached |= dict.fromkeys(outgoing.get(v, ()))
+        new = [v for v in reached if v not in seen]
     return layers
 
 

@@ -99,7 +99,10 @@ class Machine:
     @cached_property
     def fills(self) -> Mapping[int, sc.Color]:
         """Colours of states; the last of several."""
-        return {code: sc.HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
+        fills: dict[int, sc.Color] = {}
+        for name, codes in self.marks.items():
+            fills |= dict.fromkeys(codes, sc.HIGHLIGHTS[name])
+        return fills
 
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
         """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
@@ -201,7 +204,9 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
             starts[who] = own
         else:
             starts[who] = Steps(other).start_weights()
-    codes = [code for probabilities in starts.values() for code in probabilities]
+    codes: list[int] = []
+    for probabilities in starts.values():
+        codes += probabilities
     if len(set(codes)) == len(codes) and own in starts.values():
         return starts
     return {"": own}
@@ -218,9 +223,13 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
             return None
         moved = _from(steps, level)
         transitions += moved
-        new = dict.fromkeys(t.target for t in moved if t.target not in seen and not t.ends)
+        new: dict[int, None] = {}
+        over: dict[int, None] = {}
+        for t in moved:
+            if t.target not in seen:
+                (over if t.ends else new)[t.target] = None
         seen |= new
-        seen |= dict.fromkeys(t.target for t in moved if t.ends and t.target not in seen)
+        seen |= over
         if len(transitions) > MAX_TRANSITIONS:
             return None
         level = list(new)
@@ -323,8 +332,11 @@ class _Matrix:
 
     def results(self) -> Iterator[sc.Item]:
         """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
-        chosen = (t for t in self.machine.transitions if self.overlay.chosen(t.source, t.action))
-        for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
+        led: dict[tuple[int, int], None] = {}
+        for t in self.machine.transitions:
+            if self.overlay.chosen(t.source, t.action):
+                led[self.place[t.source], self.place[t.target]] = None
+        for row, column in led:
             yield sc.Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
         for code, share in self.overlay.occupancy.items():
             if code in self.place:
@@ -360,7 +372,7 @@ class _Matrix:
         yield sc.Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
-        steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
+        steps = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
         return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 
     def starts(self) -> Iterator[sc.Item]:

@@ -91,7 +91,9 @@ def _call(task: Task, source_name: str) -> str:
         arguments = [_quoted("taskspec:taskspec/Spec-v0"), f"path={_quoted(source_name)}"]
         if task.source.variant is not None:
             arguments.append(f"variant={_quoted(task.source.variant)}")
-    arguments += [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
+    for p in task.parameters:
+        if p.value != p.default:
+            arguments.append(f"{p.name}={p.value!r}")
     if task.modifiers:
         arguments.append(f"modifiers={list(map(str, task.modifiers))!r}")
     return f"gymnasium.make({', '.join(arguments)})"
@@ -112,7 +114,10 @@ def anchor(name: str) -> str:
 
 
 def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
-    names = {key: p.name for p in task.parameters for key in (p.alias, p.name)}
+    names = {}
+    for p in task.parameters:
+        names[p.alias] = p.name
+        names[p.name] = p.name
     shown = [task.values]
     for column in columns:
         values = {names[name]: value for name, value in column.items() if name in names}
@@ -136,7 +141,8 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
 
 
 def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Setting]:
-    return [Setting(", ".join(f"{p.name} = {p.value}" for p in task.parameters), task, facts), *settings]
+    title = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
+    return [Setting(title, task, facts), *settings]
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
@@ -217,7 +223,11 @@ def _scores_alone(page: Page) -> Section:
         return Section("scores", title, (), table=scores.table(_columns(page.task, page.facts, page.settings)))
     lines = []
     for line in scores.lines(page.task, page.facts):
-        content = [Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in line]
+        content = []
+        for part in line:
+            if isinstance(part, Text):
+                part = Text(part.text.replace(" return ", " "))
+            content.append(part)
         lines.append(SectionLine(tuple(content)))
     return Section("scores", title, tuple(lines))
 

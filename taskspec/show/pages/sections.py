@@ -106,12 +106,16 @@ def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> p.CellTable | N
         kept.append(("", [mark if i in wrong else () for i in range(len(entries))]))
     if not kept:
         return None
-    return p.CellTable(tuple(title for title, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
+    titles, cells = zip(*kept, strict=True)
+    return p.CellTable(titles, tuple(zip(*cells, strict=True)))
 
 
 def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
     def cell(w: Writing, example: Example) -> p.Inlines:
-        equations = [w.equation(w.symbol(name), expr, name) for (of, name), expr in example.given.items() if of is role]
+        equations: list[m.Math] = []
+        for (of, name), expr in example.given.items():
+            if of is role:
+                equations.append(w.equation(w.symbol(name), expr, name))
         if example.t and role is Role.STATE:
             equations.append(m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t)))))
         return _formulas(equations)
@@ -120,13 +124,21 @@ def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
 
 
 def _what_follows(w: Writing, example: Example) -> p.Inlines:
-    ends = {f.section: f.expr for f in example.follows if f.section in _ENDS}
-    said = [f for f in example.follows if f.section not in _ENDS]
-    parts = [_of_section(w, section, list(same)) for section, same in groupby(said, lambda f: f.section)]
+    ends = {}
+    others = []
+    for f in example.follows:
+        if f.section in _ENDS:
+            ends[f.section] = f.expr
+        else:
+            others.append(f)
+    parts = [_of_section(w, section, list(same)) for section, same in groupby(others, lambda f: f.section)]
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
         parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
     elif ends:
-        words = [_ENDS[key] for key, expr in ends.items() if isinstance(expr, s.Boolean) and expr.value]
+        words = []
+        for key, expr in ends.items():
+            if isinstance(expr, s.Boolean) and expr.value:
+                words.append(_ENDS[key])
         parts.append((p.Text("the episode " + (" and ".join(words) or "goes on")),))
     if example.probability is not None:
         parts.append((p.Text("with probability "), p.Formula(w.math(example.probability))))
@@ -180,9 +192,12 @@ def abstraction(w: Writing) -> Iterator[p.Inlines]:
         yield (*content, p.Text(": "), *p.inlines(c.doc)) if c.doc else content
     for section, title, make in _OWN:
         if getattr(written, section) is not None:
-            yield from ((p.Text(f"{title}: "), *line) for line in make(own))
+            for line in make(own):
+                yield (p.Text(f"{title}: "), *line)
     if own.hatted and any(getattr(written, section) is None for section, _, _ in _OWN):
-        pairs = (m.Row((own.symbol(n), m.Words(" in place of "), own.plain.symbol(n))) for n in sorted(own.hatted))
+        pairs = []
+        for name in sorted(own.hatted):
+            pairs.append(m.Row((own.symbol(name), m.Words(" in place of "), own.plain.symbol(name))))
         yield (p.Text("all else as above, with "), formula(m.joined(pairs)))
 
 
@@ -351,7 +366,9 @@ def results(columns: Sequence[Setting]) -> list[Section]:
     marks = [_marks(each.facts, len(stated), is_own=i == 0) for i, each in enumerate(columns)]
     section = Section("scores", scores.title(columns[0].facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
-        written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        written = []
+        for content, mark in zip(stated, marks[0], strict=True):
+            written.append(SectionLine((*content, p.Text(" "), *mark)))
         return [section, Section("claims", "Claims", tuple(written))]
     if not stated:
         return [section]

@@ -93,8 +93,9 @@ def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> lis
 
 def _known(formats: Iterable[str]) -> list[str]:
     wanted = list(dict.fromkeys(formats))
-    for unknown in (f for f in wanted if f not in FORMATS):
-        raise spec_error("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+    for name in wanted:
+        if name not in FORMATS:
+            raise spec_error("E726", f"'{name}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
     if "pdf" in wanted and shutil.which("pdflatex") is None:
         hint = "install TeX Live, or write `latex` and compile it elsewhere"
         raise spec_error("E727", "`pdf` needs pdflatex, which is not installed", hint)
@@ -109,20 +110,38 @@ def gather_pages(
     brief: bool = False,
 ) -> Suite:
     """Return pages and figures of tasks, ready to be rendered."""
-    known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
-    for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
-        load(tasks[0], **{name: value})  # which says what is wrong
-    gathered = telling(together(tasks), lambda each: f"page of {each[0].id}")
-    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in gathered)
-    pages = _apart(map(briefly, made) if brief else made)
-    drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
-    shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
-    scenes = {name: gathered for name, gathered in shown if gathered is not None}
+    _refuse_unknown(tasks, columns)
+    made = []
+    for task, others in telling(together(tasks), lambda each: f"page of {each[0].id}"):
+        whole = page(task, (facts or {}).get(task.id), [*others, *columns])
+        made.append(briefly(whole) if brief else whole)
+    pages = _apart(made)
+    drawn = {each.anchor: each.task for each in pages}
+    for each in pages:
+        for setting in each.settings:
+            drawn[setting_anchor(each, setting)] = setting.task
+    scenes = {}
+    for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}"):
+        figure = scene(task)
+        if figure is not None:
+            scenes[name] = figure
     cited = beside(task.source.document.origin.name for task in tasks)
     names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
     if not title and names:
         title = f"Tasks of {listed(tuple(names))}"
     return Suite(title or "Tasks", pages, scenes, cited, brief)
+
+
+def _refuse_unknown(tasks: Sequence[Task], columns: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse values of a parameter that none of the tasks has."""
+    known = set()
+    for task in tasks:
+        for p in task.parameters:
+            known |= {p.name, p.alias}
+    for column in columns:
+        for name, value in column.items():
+            if name not in known:
+                load(tasks[0], **{name: value})  # its error says what is wrong
 
 
 def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
@@ -134,9 +153,15 @@ def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]
     for same in by_name.values():
         defaults = {p.name: p.default for p in same[0].parameters}
         others = [task.values for task in same if task.values != defaults]
-        varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
+        varied = []
+        for name, value in defaults.items():
+            if any(values[name] != value for values in others):
+                varied.append(name)
         base = next((task for task in same if task.values == defaults), None) or load(same[0], **defaults)
-        together.append((base, [{name: values[name] for name in varied} for values in others]))
+        columns: list[Mapping[str, Any]] = []
+        for values in others:
+            columns.append({name: values[name] for name in varied})
+        together.append((base, columns))
     return together
 
 
@@ -156,10 +181,11 @@ def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
 
 def compile_pdf(folder: Path) -> Path:
     for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
-        options = ["document"] if command == "bibtex" else [
-            "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
-        if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
-            continue
+        options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]
+        if command == "bibtex":
+            options = ["document"]
+            if shutil.which("bibtex") is None or not (folder / "references.bib").read_text():
+                continue
         done = subprocess.run(
             [command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False
         )

@@ -190,8 +190,9 @@ class Evidence:
         return None
 
     def _tabulated(self) -> StateTable:
-        if any(step.error or math.isnan(step.paid) for episode in self.episodes for step in episode.steps):
-            raise Untabulated("it raises exceptions, or rewards are no numbers")
+        for episode in self.episodes:
+            if any(step.error or math.isnan(step.paid) for step in episode.steps):
+                raise Untabulated("it raises exceptions, or rewards are no numbers")
         table = by_probabilities(self.subject, self.horizon)
         if table is not None:
             try:
@@ -230,7 +231,9 @@ class Evidence:
     def _check_recurrence(self) -> None:
         """Refuse environments whose states seldom recur in episodes: they would have too many."""
         ignored = totals(self.snapshots)
-        keys = [each.key(ignored) for seen in self.snapshots for each in seen]
+        keys = []
+        for seen in self.snapshots:
+            keys += [each.key(ignored) for each in seen]
         half = len(keys) // 2
         if half > 50 and len(set(keys[half:]) - set(keys[:half])) > 0.9 * (len(keys) - half):
             raise Untabulated("its states seldom recur")
@@ -294,7 +297,10 @@ class Evidence:
         assert self.table is not None
         if not self.table.drawn:
             return self.table.rows
-        return [[dict.fromkeys(outcomes, 1) for outcomes in by_action] for by_action in self.table.rows]
+        rows = []
+        for by_action in self.table.rows:
+            rows.append([dict.fromkeys(outcomes, 1) for outcomes in by_action])
+        return rows
 
     @cached_property
     def classes(self) -> list[list[int]] | None:

@@ -71,10 +71,15 @@ def _bare(document: Document) -> str:
 def _spaces(document: Document) -> set[Fix]:
     name = document.origin.name
     attempts = analyse(document.origin.text, name).attempts
-    texts = [expr.place.text for attempt in attempts for expr in attempt.merged.parsed.values()]
+    texts = []
+    for attempt in attempts:
+        texts += [expr.place.text for expr in attempt.merged.parsed.values()]
     for path, claim in _claims(document.data, ()):
         texts.append(s.SourceText(claim, lambda start, end, path=path: document.span(path, start, end)))  # type: ignore[misc]
-    return {fix for text in texts for fix in _spaces_of(text, name)}
+    fixes: set[Fix] = set()
+    for text in texts:
+        fixes |= set(_spaces_of(text, name))
+    return fixes
 
 
 def _claims(value: Any, path: Path) -> Iterator[tuple[Path, str]]:
@@ -90,8 +95,11 @@ def _claims(value: Any, path: Path) -> Iterator[tuple[Path, str]]:
 
 def _spaces_of(text: s.SourceText, name: str) -> Iterator[Fix]:
     """Yield the changes of one expression; none where its meaning or its place in the file is in doubt."""
-    gaps = [gap for gap in _gaps(text.value) if text.value[gap[0] : gap[1]] != gap[2]]
-    changes = [gap for gap in gaps if "\n" not in text.value[gap[0] : gap[1]]]
+    changes = []
+    for start, end, gap in _gaps(text.value):
+        present = text.value[start:end]
+        if present != gap and "\n" not in present:
+            changes.append((start, end, gap))
     if not changes:
         return
     try:
@@ -146,7 +154,9 @@ def _padding(root: Node, text: str) -> list[Change]:
             table = root.index["rows"][1]
         if isinstance(table, MappingNode) and not table.flow:
             rows = [*table.entries]
-    changes = [change for each in inner for change in _padding(each, text)]
+    changes: list[Change] = []
+    for each in inner:
+        changes += _padding(each, text)
     for shape, alike in groupby(rows, key=lambda row: _shape(row, text)):
         if len(shape) > 1:
             changes += _columns(list(alike), text)

@@ -184,7 +184,9 @@ def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
     )  # fmt: skip
     if contents.lost:
         task = task.remarked(f"lost: {listed(sorted(contents.lost))}")
-    single = {name for row in rows for name in row if name not in actions}
+    single: set[str] = set()
+    for row in rows:
+        single |= row.keys() - set(actions)
     if single:
         task = task.remarked(f"lost: actions without an alternative ({listed(sorted(map(repr, single)))})")
     renamed = []
@@ -193,7 +195,7 @@ def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
             renamed.append(f"{given[:20]!r} -> {plain}")
     if renamed:
         task = task.remarked(f"renamed: {listed(renamed)}")
-    if any(_pays_by_chance(outcomes) for row in rows for outcomes in row.values()):
+    if any(any(map(_pays_by_chance, row.values())) for row in rows):
         task = task.remarked("rewards that are drawn: their mean, for each next state")
     return task
 
@@ -207,7 +209,7 @@ def _check_sizes(source: ForeignFile, contents: Contents, actions: int) -> None:
     count = len(contents.rows)
     if count * actions > MOST_ROWS:
         source.wrong(f"{count:,} states with {actions:,} actions; {MOST_ROWS:,} pairs are the most that is read")
-    if sum(len(outcomes) for row in contents.rows for outcomes in row.values()) > MOST_OUTCOMES:
+    if sum(sum(map(len, row.values())) for row in contents.rows) > MOST_OUTCOMES:
         source.wrong(f"it has more than {MOST_OUTCOMES:,} outcomes")
     if contents.states and len(contents.states) != count:
         source.wrong(f"it has {len(contents.states):,} names for {count:,} states")
@@ -222,16 +224,21 @@ def _check_observations(source: ForeignFile, contents: Contents) -> None:
         return
     if len(seen) != len(contents.rows) or len({len(row) for row in seen}) != 1 or not seen[0]:
         source.wrong(f"it does not have equally many observed numbers for each of its {len(contents.rows):,} states")
-    if not all(abs(value) <= LARGEST for row in seen for value in row):
-        source.wrong("it has an observation that is not finite, or too large")
+    for row in seen:
+        if not all(abs(value) <= LARGEST for value in row):
+            source.wrong("it has an observation that is not finite, or too large")
 
 
 def _actions(rows: Sequence[Row]) -> list[str]:
     """Return the actions of all states that have several; one action if none has."""
-    names = dict.fromkeys(name for row in rows if len(row) > 1 for name in row)
-    if names:
-        return list(names)
-    return [next((name for row in rows for name in row), "only")]
+    several: dict[str, None] = {}
+    single: dict[str, None] = {}
+    for row in rows:
+        if len(row) > 1:
+            several |= dict.fromkeys(row)
+        else:
+            single |= dict.fromkeys(row)
+    return list(several) or [next(iter(single), "only")]
 
 
 def _checked_row(source: ForeignFile, s: int, row: Row, actions: Sequence[str], count: int) -> tuple[Outcomes, ...]:
@@ -251,8 +258,10 @@ def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: in
             source.wrong(f"state {s} pays a reward that is not finite, or too large")
     likely = [outcome for outcome in outcomes if outcome.probability]
     shares = _normal(source, f"state {s}", [outcome.probability for outcome in likely])
-    kept = zip(likely, shares, strict=True)
-    return merged(Outcome(share, o.state, o.reward, o.ends) for o, share in kept)
+    kept = []
+    for outcome, share in zip(likely, shares, strict=True):
+        kept.append(Outcome(share, outcome.state, outcome.reward, outcome.ends))
+    return merged(kept)
 
 
 def _pays_by_chance(outcomes: Sequence[Outcome]) -> bool:

@@ -79,9 +79,11 @@ def _places(task: FrozenTask, starts: Sequence[int]) -> list[Place]:
         for outcome in chain(*task.outcomes[s]):
             if outcome.ends or task.discount < 1:
                 ended.add(outcome.state)
-    places = [(s, ACTING) for s in acting] + [(s, ENDED) for s in sorted(ended)]
+    places = []
     if len(starts) > 1:
-        places.insert(0, (starts[0], DRAWING))
+        places.append((starts[0], DRAWING))
+    places += [(s, ACTING) for s in acting]
+    places += [(s, ENDED) for s in sorted(ended)]
     return places
 
 
@@ -132,7 +134,8 @@ def at_random(task: FrozenTask) -> FrozenTask:
     for by_action in task.outcomes:
         legal = [outcomes for outcomes in by_action if outcomes]
         share = Fraction(1, len(legal))
-        rows.append((merged(replace(o, probability=o.probability * share) for o in chain(*legal)),))
+        drawn = [replace(outcome, probability=outcome.probability * share) for outcome in chain(*legal)]
+        rows.append((merged(drawn),))
     return replace(task, actions=("random",), outcomes=tuple(rows))
 
 
@@ -152,7 +155,10 @@ def unsettled(task: FrozenTask) -> FrozenTask:
     ends = {s for s, by_action in enumerate(task.outcomes) if _is_over(s, by_action)}
     rows = []
     for by_action in task.outcomes:
-        rows.append(tuple(tuple(replace(o, ends=o.state in ends) for o in outcomes) for outcomes in by_action))
+        row = []
+        for outcomes in by_action:
+            row.append(tuple(replace(outcome, ends=outcome.state in ends) for outcome in outcomes))
+        rows.append(tuple(row))
     labels = dict(task.labels)
     if labels.get(END, frozenset()) <= ends:
         labels.pop(END, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.exact.solve.outcomes import Outcome
 from taskspec.tools.exchange.frozen_task import FrozenTask, Rows, visited
 
 Holds = Callable[[Sequence[FrozenTask]], Sequence[bool]]
@@ -72,7 +72,8 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
             for s, by_action in enumerate(task.outcomes):
                 target = first if way == "start" else s
                 rows.append(tuple(_redirected(outcomes, gone, target, way == "end") for outcomes in by_action))
-            start: list[Number] = [p if s != gone else 0.0 for s, p in enumerate(task.start)]
+            start = list(task.start)
+            start[gone] = 0.0
             start[first] += task.start[gone]
             yield replace(task, outcomes=tuple(rows), start=tuple(start))
 
@@ -97,8 +98,10 @@ def _fewer_actions(task: FrozenTask) -> Iterator[FrozenTask]:
         return
     for gone in range(len(task.actions)):
         kept = [a for a in range(len(task.actions)) if a != gone]
-        rows = tuple(tuple(by_action[a] for a in kept) for by_action in task.outcomes)
-        yield replace(task, actions=tuple(task.actions[a] for a in kept), outcomes=rows)
+        rows = []
+        for by_action in task.outcomes:
+            rows.append(tuple(by_action[a] for a in kept))
+        yield replace(task, actions=tuple(task.actions[a] for a in kept), outcomes=tuple(rows))
 
 
 def _fewer_steps(task: FrozenTask) -> Iterator[FrozenTask]:
@@ -113,7 +116,9 @@ def _fewer_steps(task: FrozenTask) -> Iterator[FrozenTask]:
 def _one_start(task: FrozenTask) -> Iterator[FrozenTask]:
     for chosen, probability in enumerate(task.start):
         if 0 < probability < 1:
-            yield replace(task, start=tuple(float(s == chosen) for s in range(len(task.start))))
+            start = [0.0] * len(task.start)
+            start[chosen] = 1.0
+            yield replace(task, start=tuple(start))
 
 
 def _fewer_outcomes(task: FrozenTask) -> Iterator[FrozenTask]:

@@ -152,8 +152,8 @@ def claims(asked: Question) -> dict[str, Any]:
             "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
             "words": fact.text, "detail": worst.detail, "line": claim.expr.place.span.line,
         })  # fmt: skip
-    wrong = [diagnostic for _, diagnostic in wrong_examples(task)]
-    problems = [*(each.diagnostic for each in said if each.diagnostic), *wrong]
+    problems = [verdict.diagnostic for verdict in said if verdict.diagnostic]
+    problems += [diagnostic for _, diagnostic in wrong_examples(task)]
     return {"claims": shown, "problems": records(problems)}
 
 
@@ -223,15 +223,19 @@ def sweep(asked: Question) -> dict[str, Any]:
             rows.append(_measured[key])
         else:
             left.append(value)
-    shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
-    plot = {"x": name, "show": sorted(shown, key=RETURNS.index)}
-    about = Experiment(experiment=1, name=task.name, title=task.id, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
-    numbers = [key + end for key in RETURNS for end in ("", "_half")]
-    return {
-        "parameter": name, "chart": chart.svg(figure(about, rows)) if shown and chart.is_available() else None, "left": left,
-        "rows": [{"value": row.instance.varied[name], "error": row.error, **{key: row.values.get(key) for key in numbers}}
-                 for row in rows],
-    }  # fmt: skip
+    shown = [key for key in RETURNS if any(row.values.get(key) is not None for row in rows)]
+    drawn = None
+    if shown and chart.is_available():
+        plot = {"x": name, "show": shown}
+        about = Experiment(experiment=1, name=task.name, title=task.id, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
+        drawn = chart.svg(figure(about, rows))
+    table = []
+    for row in rows:
+        entry = {"value": row.instance.varied[name], "error": row.error}
+        for column in RETURNS:
+            entry |= {column: row.values.get(column), f"{column}_half": row.values.get(f"{column}_half")}
+        table.append(entry)
+    return {"parameter": name, "chart": drawn, "left": left, "rows": table}
 
 
 def _measure(task: Task, instance: Instance) -> Measured:

@@ -87,9 +87,14 @@ class Folder:
         """Return the specs and policies of the folder, and what a new spec can start from."""
         entries = registry.known().values()
         files = [place for place in self.files(*SPECS) if _is_spec(place)]
-        drawn = (place for place in files if _FIGURE.search(text_of(place)))
-        first = next(drawn, next(iter(files), None))
-        policies = [f"{self.relative(place)}:{name}" for place in self.files(".py") for name in functions(place)]
+        first = next(iter(files), None)
+        for place in files:
+            if _FIGURE.search(text_of(place)):
+                first = place
+                break
+        policies = []
+        for place in self.files(".py"):
+            policies += [f"{self.relative(place)}:{name}" for name in functions(place)]
         return {
             "folder": self.root.name,
             "root": self.root.as_uri(),
@@ -159,8 +164,11 @@ def functions(place: Path) -> list[str]:
         body = ast.parse(text_of(place)).body
     except (SyntaxError, ValueError, SpecError):
         return []
-    defined = [node for node in body if isinstance(node, ast.FunctionDef)]
-    return [node.name for node in defined if len(node.args.args) == 1 and not node.name.startswith("_")]
+    names = []
+    for node in body:
+        if isinstance(node, ast.FunctionDef) and len(node.args.args) == 1 and not node.name.startswith("_"):
+            names.append(node.name)
+    return names
 
 
 def digest(text: str) -> str:

@@ -49,12 +49,16 @@ def gallery(suites: Mapping[str, Suite]) -> str:
     Args:
         suites: by the address of the folder in which their pages are, such as `derail/`, or empty.
     """
-    tiles = [tile for folder, suite in suites.items() for tile in _tiles(folder, suite)]
+    tiles: list[dict[str, Any]] = []
+    for folder, suite in suites.items():
+        tiles += _tiles(folder, suite)
+    sizes = {tile["size"] for tile in tiles}
+    states = {tile["state"] for tile in tiles}
     filters = {
         "capability": sorted({tile["capability"] for tile in tiles} - {""}),
         "suite": list(dict.fromkeys(suite.title for suite in suites.values())),
-        "size": [name for name in (*(name for _, name in SIZES), CONTINUOUS) if any(t["size"] == name for t in tiles)],
-        "state": [name for name in (SEEN, HIDDEN) if any(tile["state"] == name for tile in tiles)],
+        "size": [name for name in (*dict(SIZES).values(), CONTINUOUS) if name in sizes],
+        "state": [name for name in (SEEN, HIDDEN) if name in states],
     }
     chosen = {name: values for name, values in filters.items() if len(values) > 1}
     template = html_environment().get_template("cards.html")
@@ -212,7 +216,12 @@ def marked_states(page: Page) -> dict[str, int]:
         origins = set()
     if not origins:
         return {}
-    return {plain(label): code for code, label in state_labels(page.task).items() if plain(label) in origins}
+    codes = {}
+    for code, label in state_labels(page.task).items():
+        symbol = plain(label)
+        if symbol in origins:
+            codes[symbol] = code
+    return codes
 
 
 def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
@@ -233,7 +242,9 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
 @lru_cache(maxsize=32)
 def _highlighted(text: str) -> Markup:
     """Return YAML with its parts marked by class; the pages of variants have one source."""
-    pygments, lexers, formatters = (need(f"pygments{x}", "docs") for x in ("", ".lexers.data", ".formatters"))
+    pygments = need("pygments", "docs")
+    lexers = need("pygments.lexers.data", "docs")
+    formatters = need("pygments.formatters", "docs")
     formatter = formatters.HtmlFormatter(nowrap=True, classprefix="y-")
     return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))
 

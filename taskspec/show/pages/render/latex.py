@@ -140,7 +140,10 @@ class LatexWriter:
         """Return a line among others of its paragraph, with the sign that ends it; a map has none."""
         if line.verbatim is not None:
             return rf"{self.line(line, page, BRIEF_ROOM)}\par"
-        asides = [(s.title, values) for s, values in zip(page.settings, line.values, strict=False) if values]
+        asides = []
+        for setting, values in zip(page.settings, line.values, strict=False):
+            if values:
+                asides.append((setting.title, values))
         told = [self.prose(line.content, BRIEF_ROOM, "" if asides else end)]
         for i, (title, values) in enumerate(asides):
             closing = ")" + (end if i == len(asides) - 1 else "")
@@ -215,14 +218,22 @@ def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> 
 
 
 def _is_rigid(math: m.Math) -> bool:
-    return any(
-        isinstance(part, m.Cases | m.Matrix)
-        or (isinstance(part, m.Fence) and m.is_tall(part.body))
-        or (isinstance(part, m.Script) and part.sub is not None and m.width(part.sub) > LONG)
-        for part in m.parts(math)
-    )
+    for part in m.parts(math):
+        match part:
+            case m.Cases() | m.Matrix():
+                return True
+            case m.Fence(body=body) if m.is_tall(body):
+                return True
+            case m.Script(sub=sub) if sub is not None and m.width(sub) > LONG:
+                return True
+    return False
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
-    cells = zip(titles, heads, row, strict=True)
-    return r"\quad ".join(f"{head} {cell}" if title else cell for title, head, cell in cells if cell)
+    parts = []
+    for title, head, cell in zip(titles, heads, row, strict=True):
+        if cell and title:
+            parts.append(f"{head} {cell}")
+        elif cell:
+            parts.append(cell)
+    return r"\quad ".join(parts)

@@ -50,27 +50,35 @@ class Suite:
     @cached_property
     def cited(self) -> dict[str, Reference]:
         """The references that are cited and known, in the order of their keys."""
-        keys = {cite.key for page in self.pages for cite in page.sources}
-        return {key: self.references[key] for key in sorted(keys) if key in self.references}
+        keys = set()
+        for page in self.pages:
+            keys |= {cite.key for cite in page.sources}
+        return {key: self.references[key] for key in sorted(keys & self.references.keys())}
 
     @cached_property
     def folded(self) -> dict[str, tuple[Page, ...]]:
         """Pages of variants by the anchor of the page that they are based on, directly or not."""
-        known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
-        by_task: dict[str, list[Page]] = {}
+        known = {}
         for page in self.pages:
-            line = [
-                (document.origin.name, key)
-                for document, key in lineage((page.task.source.document, page.task.source.variant))
-            ]
-            *_, first = (known[step] for step in line if step in known)
-            by_task.setdefault(first, [])
-            by_task[first] += [page] if page.anchor != first else []
-        return {anchor: tuple(pages) for anchor, pages in by_task.items()}
+            source = page.task.source
+            known[source.document.origin.name, source.variant] = page.anchor
+        by_task: dict[str, tuple[Page, ...]] = {}
+        for page in self.pages:
+            first = page.anchor
+            for document, variant in lineage((page.task.source.document, page.task.source.variant)):
+                first = known.get((document.origin.name, variant), first)
+            by_task.setdefault(first, ())
+            if page.anchor != first:
+                by_task[first] += (page,)
+        return by_task
 
     def others(self, page: Page) -> list[Other]:
-        links = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
-        return [Other(title, name, self.scenes[name]) for title, name in links if name in self.scenes]
+        others = []
+        for setting in page.settings:
+            name = setting_anchor(page, setting)
+            if name in self.scenes:
+                others.append(Other(setting.title, name, self.scenes[name]))
+        return others
 
 
 _ALWAYS = (
@@ -121,22 +129,34 @@ _MARKS = (
 def notation(pages: Iterable[Page]) -> Inlines:
     """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
     pages = tuple(pages)
-    pieces = [piece for page in pages for piece in _pieces(page)]
-    written = "\n".join({plain(piece.math) for piece in pieces if isinstance(piece, Formula)})
-    sentences = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
-    if any(_has_cases(piece.math) for piece in pieces if isinstance(piece, Formula)):
+    formulas: list[m.Math] = []
+    marks = []
+    for page in pages:
+        formulas += _formulas(page)
+        marks += [piece.text for piece in _pieces(page) if isinstance(piece, Mark)]
+    written = "\n".join(set(map(plain, formulas)))
+    sentences = [_ALWAYS]
+    for sign, text in _SIGNS:
+        if re.search(sign, written):
+            sentences.append(text)
+    sentences += _draws(pages)
+    if any(map(_has_cases, formulas)):
         sentences.append(_CASES)
     if any(page.section("scores") for page in pages):
-        # at a page's own values of the parameters, or at others beside them
-        tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
         discounted = ""
-        if any(task.discount != 1 for task in tasks):
+        if any(map(_is_discounted, pages)):
             discounted = _DISCOUNTED
         sentences.append(_RETURNS.format(discounted=discounted))
     for word, text in _MARKS:
-        if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):
+        if any(mark.startswith(word) for mark in marks):
             sentences.append(text)
     return inlines(" ".join(sentences))
+
+
+def _is_discounted(page: Page) -> bool:
+    """Test whether rewards are discounted, at the page's own values of the parameters or at others beside them."""
+    discounts = [page.task.discount, *(setting.task.discount for setting in page.settings)]
+    return any(discount != 1 for discount in discounts)
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
@@ -144,10 +164,10 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
     for page in pages:
         writing = Writing(page.task, {})
         letter = writing.notation.symbol(writing.drawn)
-        if any(letter in m.parts(piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
+        if any(letter in m.parts(formula) for formula in _formulas(page)):
             letters[writing.drawn] = letter
     if letters:
-        usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
+        usual, *others = [f"${latex(letters[name])}$" for name in LETTERS if name in letters]
         instead = ""
         if others:
             instead = f" ({' or '.join(others)} where the task has such a name)"
@@ -155,8 +175,16 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
 
 
 def _has_cases(tree: m.Math) -> bool:
-    tables = (part for part in m.parts(tree) if isinstance(part, m.Cases))
-    return any(sum(IF in m.children(condition) for _, condition in table.rows) > 1 for table in tables)
+    for part in m.parts(tree):
+        if isinstance(part, m.Cases):
+            conditions = [condition for _, condition in part.rows if IF in m.children(condition)]
+            if len(conditions) > 1:
+                return True
+    return False
+
+
+def _formulas(page: Page) -> list[m.Math]:
+    return [piece.math for piece in _pieces(page) if isinstance(piece, Formula)]
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
