@@ -14,8 +14,8 @@ from docs.tools.group_estimators import GROUPS
 from docs.tools.markdown import entries, filled, table
 from docs.tools.mistake_numbers import Evidence, by_policy, by_reward, by_values, probes_failed
 from taskspec.base.files import write_text
+from taskspec.learn.documents.document_models import DiagnosisEntry
 from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
-from taskspec.learn.documents.shapes import DiagnosisEntry
 from taskspec.learn.exam.mistakes import MISTAKES, KnownMistake, anchor
 from taskspec.learn.exam.operators import OPERATORS
 from taskspec.learn.exam.pairings import PAIRINGS

@@ -15,8 +15,8 @@ from taskspec.exact.policies.policy import greedy
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.returns import Results
 from taskspec.language.task.task import Task
+from taskspec.learn.documents.document_models import DiagnosisEntry
 from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
-from taskspec.learn.documents.shapes import DiagnosisEntry
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import dynamics_of
 from taskspec.learn.exam.fingerprints import fingerprint

@@ -30,8 +30,7 @@ def build(
     """
     from taskspec.cli.check_text import print_table, print_verdict
     from taskspec.show.pages.write import TaskResults, write_build
-    from taskspec.tools.authoring.checks import examine
-    from taskspec.tools.authoring.file_checks import check_file, counts, problems_of
+    from taskspec.tools.authoring.checks import check_file, counts, examine, problems_of
     from taskspec.tools.targets import files_of
 
     start = time.perf_counter()

@@ -50,8 +50,7 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli import check_text
-    from taskspec.tools.authoring.checks import check_files, examine
-    from taskspec.tools.authoring.file_checks import counts, problems_of
+    from taskspec.tools.authoring.checks import check_files, counts, examine, problems_of
     from taskspec.tools.authoring.formatting import fix_files
     from taskspec.tools.targets import files_of, others_of
 

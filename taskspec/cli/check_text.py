@@ -11,7 +11,7 @@ from taskspec.base.display import plural
 from taskspec.language.source import Kind
 from taskspec.programs.agreement import EVERY
 from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
-from taskspec.tools.authoring.file_checks import Checked, FileReport, counts, problems_of
+from taskspec.tools.authoring.checks import Checked, FileReport, counts, problems_of
 
 ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
 """The entries of files that are no specs."""

@@ -56,7 +56,7 @@ def run(
     """
     from taskspec.envs.window import has_display
     from taskspec.show.figures.recording import watching
-    from taskspec.show.terminal.episodes import episodes_of, print_summary, summarize, summary_data
+    from taskspec.show.terminal.rollouts import episodes_of, print_summary, summarize, summary_data
     from taskspec.tools.targets import beside, tasks_of
 
     kind = _kind_of(render, output)

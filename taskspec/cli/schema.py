@@ -29,7 +29,7 @@ def schema(
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
     from taskspec.language.task.schema.export import json_schema
-    from taskspec.learn.documents.shapes import ExamDocument, Experiment, FindingsDocument, document_schema
+    from taskspec.learn.documents.document_models import ExamDocument, Experiment, FindingsDocument, document_schema
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")

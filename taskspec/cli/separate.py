@@ -52,9 +52,8 @@ def separate(
     tested on fresh seeds again. Ctrl-C ends the search, and keeps the best task so far.
     """
     from taskspec.learn.exam.examinee import learner_of
-    from taskspec.tools.separation import separation_text
     from taskspec.tools.separation.races import family_of
-    from taskspec.tools.separation.separate import Search
+    from taskspec.tools.separation.separate import Search, print_separation, record, spec_of
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
@@ -68,13 +67,13 @@ def separate(
     with progress("searching"):
         separation = search.run()
     if json:
-        write_json(separation_text.record(separation))
+        write_json(record(separation))
         return
     if not separation.worse:
         say(f"No difference found in {separation.tried} tasks of {family}.")
         return
-    separation_text.print_separation(separation)
-    text = separation_text.spec_of(separation, family)
+    print_separation(separation)
+    text = spec_of(separation, family)
     if text is not None:
         write_text(output, text)
         say("\n" + text[text.index("state:") :])

@@ -57,8 +57,7 @@ def sweep(
     """
     from taskspec import experiments
     from taskspec.learn.experiments import picture
-    from taskspec.learn.experiments.sweep_text import measured_table
-    from taskspec.learn.experiments.sweeping import WRITERS
+    from taskspec.learn.experiments.sweeping import WRITERS, measured_table
     from taskspec.learn.jobs.running import Running
     from taskspec.show.figures import chart
     from taskspec.tools.targets import settings

@@ -8,8 +8,7 @@ import pytest
 
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import render
-from taskspec.tools.authoring.checks import examine
-from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.authoring.checks import check_file, examine
 from taskspec.tools.targets import File
 
 FOLDER = Path(__file__).parents[1] / "errors"

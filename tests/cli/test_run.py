@@ -16,7 +16,7 @@ import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
 from taskspec.show.pages import facts
-from taskspec.show.terminal import episodes as rollouts
+from taskspec.show.terminal import rollouts
 from tests.shared import commands
 from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files

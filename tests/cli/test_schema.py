@@ -11,8 +11,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.models import Spec
-from taskspec.tools.authoring.checks import examine
-from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.authoring.checks import check_file, examine
 from taskspec.tools.authoring.scaffold import SCAFFOLD
 from taskspec.tools.targets import File
 from tests.language.task.test_json_schema import SHIPPED, Editor, marks

@@ -11,8 +11,7 @@ from taskspec.cli.app import app
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.show import pages
-from taskspec.tools.authoring.checks import examine
-from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.authoring.checks import check_file, examine
 from taskspec.tools.targets import File
 from tests.exact.rules.test_examples import AT, SPEC, V
 

@@ -38,8 +38,7 @@ from docs.tools import pages, pictures
 from taskspec.language import registry
 from taskspec.learn.exam import findings, results
 from taskspec.learn.learners import learner
-from taskspec.tools.authoring.checks import check_other, examine
-from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.authoring.checks import check_file, check_other, examine
 from taskspec.tools.targets import files_of
 from tests.conftest import needs_vectors
 from tests.shared.apart import Ended, taskspec

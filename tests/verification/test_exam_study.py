@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import taskspec
-from taskspec.exact.policies.files import function_of
+from taskspec.exact.policies.python_files import function_of
 from taskspec.exam import examine, read
 from taskspec.learn.exam.learned import explanations
 from tests.shared.commands import Done

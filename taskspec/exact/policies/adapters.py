@@ -19,7 +19,6 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import plural
 from taskspec.base.named import all_names
 from taskspec.exact.model.model import Model, misused
-from taskspec.exact.policies.files import function_of, is_function, plain
 from taskspec.exact.policies.policy import (
     Actions,
     Asking,
@@ -34,6 +33,7 @@ from taskspec.exact.policies.policy import (
     states_of,
     unknown,
 )  # fmt: skip
+from taskspec.exact.policies.python_files import function_of, is_function, plain
 from taskspec.exact.rollout.rollout import State, reads_of
 from taskspec.exact.solve.plans import timed
 from taskspec.language.expressions.batch import evaluate

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import misused
-from taskspec.exact.policies.files import plain
+from taskspec.exact.policies.python_files import plain
 
 
 def is_network(given: Any) -> bool:

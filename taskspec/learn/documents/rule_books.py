@@ -15,14 +15,14 @@ from taskspec.language import registry
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import parse_into
 from taskspec.language.source import Document, read_file
-from taskspec.learn.documents.score_rules import RuleNames, check_rule
-from taskspec.learn.documents.shapes import (
+from taskspec.learn.documents.document_models import (
     DiagnosisEntry,
     ExamDocument,
     FindingEntry,
     FindingsDocument,
     check_document,
 )
+from taskspec.learn.documents.score_rules import RuleNames, check_rule
 from taskspec.show.bibliography import Reference, beside
 
 EXAM = "exam.yaml"

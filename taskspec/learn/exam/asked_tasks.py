@@ -14,8 +14,8 @@ from taskspec.language import registry
 from taskspec.language.modifiers import keeps_observers, modify
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.data.episodes import recorded
+from taskspec.learn.documents.document_models import ExamDocument
 from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
-from taskspec.learn.documents.shapes import ExamDocument
 
 Modifiers = tuple[str, ...]
 SUITE = "probes"

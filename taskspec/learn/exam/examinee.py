@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exact.policies.files import function_of, is_function, place_of
+from taskspec.exact.policies.python_files import function_of, is_function, place_of
 from taskspec.learn.exam.case import SOURCES, Source
 from taskspec.learn.jobs.code_hash import code_files, code_hash
 from taskspec.learn.learners import learner

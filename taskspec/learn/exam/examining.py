@@ -19,7 +19,7 @@ from taskspec.base.display import duration, plural
 from taskspec.base.limits import written
 from taskspec.language.modifiers import modify
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.learn.documents.shapes import ExamDocument
+from taskspec.learn.documents.document_models import ExamDocument
 from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, suites_of, tasks_of, twins_of
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.changes import almost, check_comparable

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.policies.adapters import Predictor, parameters
-from taskspec.exact.policies.files import plain
+from taskspec.exact.policies.python_files import plain
 from taskspec.exact.policies.values import are_probabilities, is_table
 from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import Demonstrations

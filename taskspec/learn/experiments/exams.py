@@ -10,7 +10,7 @@ from typing import Any
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import safe_name
 from taskspec.language.task.task import Task
-from taskspec.learn.documents.shapes import Experiment
+from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.exam import report
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.comparison import compare

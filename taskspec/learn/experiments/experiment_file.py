@@ -9,12 +9,12 @@ from pathlib import Path
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.exact.policies.files import is_function, place_of
+from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.exact.scores.difficulty import MEASURES
 from taskspec.language.registry import tasks_root
 from taskspec.language.source import Document, read_file
 from taskspec.language.source import Path as Place
-from taskspec.learn.documents.shapes import Experiment, check_document
+from taskspec.learn.documents.document_models import Experiment, check_document
 from taskspec.learn.exam.results import folder_name
 from taskspec.learn.learners import learner
 

@@ -13,14 +13,14 @@ from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, spec_error
 from taskspec.base.limits import limits, tell
 from taskspec.exact.policies.adapters import policy_of
-from taskspec.exact.policies.files import is_function, place_of
+from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.language import registry
 from taskspec.language.modifiers import MODIFIERS, Modifier, modifier, modify
 from taskspec.language.source import Path as Place
 from taskspec.language.task.build import bound_parameters
 from taskspec.language.task.parts import Parameter
 from taskspec.language.task.task import Task
-from taskspec.learn.documents.shapes import SPANS, TaskEntry
+from taskspec.learn.documents.document_models import SPANS, TaskEntry
 from taskspec.learn.experiments.experiment_file import ExperimentFile, check_axes, check_questions
 from taskspec.learn.experiments.parameter_values import (
     Assignment,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.display import number
-from taskspec.learn.documents.shapes import Experiment
+from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.experiments.sweeping import Measured
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart

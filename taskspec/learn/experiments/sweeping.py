@@ -1,4 +1,4 @@
-"""Sweeps: every instance of an experiment is measured in parallel, and its results are kept in files."""
+"""Sweeps: every instance of an experiment is measured in parallel, and its results are kept in files, or shown as a table."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import Any, overload
 import numpy as np
 
 from taskspec.base import __version__, limits
-from taskspec.base.display import json_data
+from taskspec.base.display import decimal, estimate, json_data
 from taskspec.base.files import whole, whole_text
 from taskspec.base.limits import also, tell
 from taskspec.exact import Results, Return
-from taskspec.exact.policies.files import is_function, place_of
+from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.returns import why_no_expert
 from taskspec.language import registry
@@ -27,12 +27,13 @@ from taskspec.language.source import Document, Packed, packed, unpacked
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.learn.data.datasets import write_table
-from taskspec.learn.documents.shapes import Experiment
+from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.experiments.experiment_file import COLUMNS, RETURNS, SPEEDS, ExperimentFile
 from taskspec.learn.experiments.instances import Expanded, Instance, expand
 from taskspec.learn.jobs.code_hash import code_hash
 from taskspec.learn.jobs.running import Running, run_many
 from taskspec.learn.jobs.store import Job, JobResult, Store
+from taskspec.show.terminal.styled_text import Columns, VisibleText
 
 
 @lru_cache(maxsize=16)
@@ -334,3 +335,47 @@ def _row(instance: Instance, found: JobResult | None, store: Store) -> Measured:
         raise store.damaged(found.name, "it holds no measurements")
     values = dict(found.value)
     return Measured(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)
+
+
+MEASURES = ("solution_length", "best_at_random")
+"""Measures in the table, where the experiment names none; files have all."""
+MOST = 1000
+"""Instances of which the table has a row; files have all."""
+
+
+def measured_table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Columns:
+    """Return a row for each instance, the first `MOST`: sizes, returns, measures, roll-outs."""
+    shown = rows[:MOST]
+    if measures is None:
+        measures = MEASURES
+    chosen = [name for name in measures if name not in ("states", "actions")]
+    policies = dict.fromkeys(name for row in shown for name in row.policies)
+    headers = [name.replace("_", " ") for name in chosen] + [f"{name}, rolled out" for name in policies]
+    numbers = range(1, 5 + len(headers))
+    table = Columns("", "states", "optimal", "expert", "random", *headers, styles=("name",), right=numbers, names=0)
+    for row in shown:
+        if row.error is not None:
+            table.add_row(row.instance.id, VisibleText(row.status.replace("_", " "), style="bad"))
+            continue
+        values = row.values
+        cells = [f"{values['states']:,}" if values.get("states") is not None else ""]
+        cells += [_number(values.get(name), values.get(f"{name}_half")) for name in ("optimal", "expert", "random")]
+        cells += [_number(values.get(name)) for name in chosen]
+        for name in policies:
+            means = row.policies.get(name, {})
+            cells.append(_number(means.get("mean"), means.get("half")))
+        table.add_row(row.instance.id, *cells)
+    if len(rows) > MOST:
+        table.add_row(f"and {len(rows) - MOST:,} more")
+    return table
+
+
+def _number(value: Any, half: Any = None) -> str:
+    if not isinstance(value, int | float):
+        if value is None:
+            return ""
+        return str(value)
+    if not half or half <= 1e-9 * abs(value):
+        return decimal(value, 6)
+    mean, width = estimate(value, half)
+    return f"{mean} ± {width}"

@@ -12,7 +12,7 @@ from taskspec.base.extras import need
 from taskspec.base.files import Unfinished, refused
 from taskspec.base.limits import tell
 from taskspec.envs.window import Frames
-from taskspec.show.terminal.episodes import Watch
+from taskspec.show.terminal.rollouts import Watch
 
 GIF_FRAMES = 500
 """A GIF is kept in memory until it is whole, with 1.5 MB a frame."""

@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.exact.policies.files import function_of, is_function
+from taskspec.exact.policies.python_files import function_of, is_function
 from taskspec.learn.jobs.work import Late, interrupted, late
 
 MOST_STEPS = 1000

@@ -76,8 +76,7 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     from taskspec import exact
     from taskspec.base.diagnostics import SpecError, records
     from taskspec.language.registry import suite_of
-    from taskspec.tools.authoring.checks import examine
-    from taskspec.tools.authoring.file_checks import check_file
+    from taskspec.tools.authoring.checks import check_file, examine
     from taskspec.tools.targets import File
 
     file = File(Path(name), suite_of(name), text=text)

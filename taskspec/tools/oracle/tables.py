@@ -15,7 +15,7 @@ from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
-from taskspec.exact.policies import files
+from taskspec.exact.policies import python_files as files
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
 from taskspec.exact.policies.networks import evaluating, is_network
 from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of

@@ -12,7 +12,7 @@ from taskspec.exact.scores.returns import Results
 from taskspec.language import registry
 from taskspec.language.source import read_text
 from taskspec.language.task.task import Task
-from taskspec.learn.documents.shapes import Sample
+from taskspec.learn.documents.document_models import Sample
 from taskspec.learn.exam.asked_tasks import names_in
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.examinee import Examinee

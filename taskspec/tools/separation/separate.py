@@ -2,7 +2,7 @@
 
 Many instances are tried with two seeds, those that differ most again with more seeds, and the best of them on fresh seeds,
 before anything is printed: the best of hundreds is lucky. Then the task is shrunk while the difference holds, and tested on fresh
-seeds again.
+seeds again. The result is text on the terminal, a spec, or JSON data.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.jobs.engines import Workers
 from taskspec.learn.statistics import ALARM, Difference, differences, seeds_interval
+from taskspec.show.terminal.styled_text import console, line
 from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
-from taskspec.tools.exchange.spec_text import task_of_tables
+from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.separation import races
 from taskspec.tools.separation.races import Subject
 from taskspec.tools.separation.shrink import shrink
@@ -236,3 +238,42 @@ def finding(separation: Separation, family: str) -> FrozenTask:
     )
     summary = f"{separation.worse} is worse than {separation.better} here."
     return fresh.called("Separates", "A task that separates two learners", summary, description)
+
+
+def print_separation(separation: Separation) -> None:
+    """Print the scores of both learners, and how the task was obtained."""
+    worse = separation.worse
+    better = separation.better
+    out = console()
+    out.print(line((worse, "bad"), " is worse than ", (better, "good"), f": {separation.path[-1]}"))
+    width = max(len(worse), len(better))
+    for name, (mean, low, high) in zip((worse, better), separation.intervals, strict=True):
+        out.print(line(f"  {name:{width}}  {fixed(mean, 2):>5}  {interval(low, high)}"))
+    seeds = f"{len(separation.scores[0])} fresh seeds, p = {separation.p_value:.2g}"
+    out.print(line((f"  {seeds}; {separation.tried} tasks tried", "quiet")))
+    if len(separation.path) > 1:
+        out.print(line((f"  shrunk from {separation.path[0]}", "quiet")))
+    if not separation.is_complete:
+        out.print(line(("  the search was stopped before it ended", "quiet")))
+
+
+def spec_of(separation: Separation, family: str) -> str | None:
+    """Write the task as a spec of tables; None for an instance that has none."""
+    if isinstance(separation.task, FrozenTask):
+        return spec_text(finding(separation, family))
+    return None
+
+
+def record(separation: Separation) -> dict[str, Any]:
+    """Write a separation as JSON data; its task as a spec, or by its id."""
+    names = ("worse", "better", "scores", "p_value", "tried", "path", "is_complete")
+    data: dict[str, Any] = {name: getattr(separation, name) for name in names}
+    data["means"] = []
+    if separation.worse:
+        data["means"] = [{"mean": mean, "low": low, "high": high} for mean, low, high in separation.intervals]
+    data["task"] = None
+    if isinstance(separation.task, FrozenTask):
+        data["task"] = spec_text(separation.task)
+    elif separation.task is not None:
+        data["task"] = separation.task.id
+    return data

@@ -29,7 +29,7 @@ from taskspec.language.registry import suite_of
 from taskspec.language.source import packed
 from taskspec.language.task.parts import Parameter
 from taskspec.language.task.task import Task
-from taskspec.learn.documents.shapes import Experiment
+from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.exam import report, results
 from taskspec.learn.exam.card import card
 from taskspec.learn.experiments.experiment_file import RETURNS

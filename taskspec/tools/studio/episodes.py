@@ -14,8 +14,8 @@ from taskspec.base.display import number, small_fraction
 from taskspec.envs import Environment, window
 from taskspec.exact.model.extract import lasting
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.policies.files import is_function
 from taskspec.exact.policies.policy import greedy
+from taskspec.exact.policies.python_files import is_function
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.backward import Boltzmann, Greedy, Plan, Rule, Uniform, action_values, backward
 from taskspec.exact.solve.bounded import Bound, Bounded
@@ -29,7 +29,7 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures import scene, svg
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.states import reads_of, state_table
-from taskspec.show.terminal.episodes import ENDINGS, action_words, policy_for, rollouts
+from taskspec.show.terminal.rollouts import ENDINGS, action_words, policy_for, rollouts
 from taskspec.show.terminal.scripts import is_script
 from taskspec.tools.studio.folder import Folder
 

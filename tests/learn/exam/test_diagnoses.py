@@ -12,8 +12,8 @@ from docs.tools.probes import scores
 from taskspec import load
 from taskspec.exact.policies.values import policy_value
 from taskspec.exact.scores.returns import Results
+from taskspec.learn.documents.document_models import DiagnosisEntry
 from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
-from taskspec.learn.documents.shapes import DiagnosisEntry
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.findings import diagnose
 from taskspec.learn.exam.mistakes import MISTAKES

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from taskspec.language import registry
+from taskspec.learn.documents.document_models import ExamDocument, document_schema
 from taskspec.learn.documents.rule_books import read_exam
-from taskspec.learn.documents.shapes import ExamDocument, document_schema
 from taskspec.learn.exam import findings
 from tests.learn.documents.test_rule_books import HEAD, MASTERED, SUITE, TASKS
 from tests.shared.commands import Done

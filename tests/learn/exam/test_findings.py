@@ -16,8 +16,8 @@ import yaml
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.language import registry
+from taskspec.learn.documents.document_models import FindingsDocument, document_schema
 from taskspec.learn.documents.rule_books import read_findings
-from taskspec.learn.documents.shapes import FindingsDocument, document_schema
 from taskspec.learn.exam.findings import diagnose, evaluate
 from taskspec.learn.exam.findings_page import html, markdown
 from taskspec.learn.exam.results import LIMIT

@@ -14,7 +14,7 @@ import pytest
 from taskspec.exam import examine
 from taskspec.experiments import expand, read
 from taskspec.language import registry
-from taskspec.learn.documents.shapes import Experiment
+from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.exam.examining import STEPS
 from taskspec.learn.exam.trial import SEEDS
 from taskspec.learn.learners import BUILT_IN

@@ -15,7 +15,7 @@ import yaml
 import taskspec
 from taskspec import experiments
 from taskspec.base.diagnostics import SpecError
-from taskspec.learn.documents.shapes import Experiment, document_schema
+from taskspec.learn.documents.document_models import Experiment, document_schema
 from taskspec.learn.experiments.experiment_file import shipped
 from tests.shared.commands import Done
 

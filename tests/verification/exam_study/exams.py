@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from taskspec.exact.policies.files import function_of
+from taskspec.exact.policies.python_files import function_of
 from taskspec.exam import Case, Exam, examine
 from taskspec.learn.exam.findings import new_diagnoses
 from taskspec.learn.exam.flags import flags

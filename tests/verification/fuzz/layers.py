@@ -32,8 +32,7 @@ from taskspec.language.task.merge import variant_names
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.task import Task
 from taskspec.show import pages
-from taskspec.tools.authoring.checks import examine
-from taskspec.tools.authoring.file_checks import check_file
+from taskspec.tools.authoring.checks import check_file, examine
 from taskspec.tools.targets import File
 
 PACKAGE = Path(pages.__file__).parents[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from jsonschema import Draft202012Validator
 
-from taskspec.learn.documents.shapes import Experiment, document_schema
+from taskspec.learn.documents.document_models import Experiment, document_schema
 from tests.language.task.test_json_schema import PAGES, SNIPPET
 from tests.shared.for_each import for_each
 

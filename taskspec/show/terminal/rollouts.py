@@ -16,8 +16,8 @@ from taskspec.base.arrays import Array, map_parts
 from taskspec.base.display import decimal, estimate
 from taskspec.base.limits import tell
 from taskspec.exact.policies.adapters import ObservationPolicy, policy_of
-from taskspec.exact.policies.files import is_function
 from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
+from taskspec.exact.policies.python_files import is_function
 from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
 from taskspec.language.task.parts import Component, RenderMode
