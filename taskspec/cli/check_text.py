@@ -28,7 +28,10 @@ def print_table(reports: Sequence[FileReport]) -> None:
 
 
 def _tasks(reports: Sequence[FileReport]) -> list[Checked]:
-    return [task for report in reports for task in report.tasks]
+    tasks: list[Checked] = []
+    for report in reports:
+        tasks += report.tasks
+    return tasks
 
 
 def _table(reports: Sequence[FileReport]) -> Columns:
@@ -207,10 +210,9 @@ def _task_record(path: str, task: Checked) -> dict[str, Any]:
     coverage = task.coverage
     errors, warnings = counts(task.diagnostics)
     statuses = [claim["status"] for claim in task.claims]
-    left_out = [
-        {"program": program, "reason": reason, "settings": number}
-        for (program, reason), number in coverage.left_out.items()
-    ]
+    left_out = []
+    for (program, reason), number in coverage.left_out.items():
+        left_out.append({"program": program, "reason": reason, "settings": number})
     return {
         "id": task.id, "name": task.name, "path": path, "variant": task.variant, "errors": errors, "warnings": warnings,
         "method": task.method, "other_parameter_values": len(coverage.cases), "claims_proved": statuses.count("proved"),

@@ -104,7 +104,8 @@ def _changes(task: Task, node: Expression, path: list[dict[str, Any]]) -> list[t
 
 
 def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator[sc.Label]:
-    first, second = ([i for i, color in enumerate(colors) if color == role] for role in ("accent", "second"))
+    first = [i for i, color in enumerate(colors) if color == "accent"]
+    second = [i for i, color in enumerate(colors) if color == "second"]
     with np.errstate(over="ignore"):
         totals = (float(row[first].sum()), float(row[second].sum()))
     if not (first and second and math.isfinite(sum(map(abs, totals)))):

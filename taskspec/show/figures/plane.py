@@ -175,7 +175,8 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     """
     at = figure_of(task).at
     shown = [component(node) for node in at]
-    pair = [c for name in shown for c in task.state if c.name == name and not c.type.shape]
+    scalars = {c.name: c for c in task.state if not c.type.shape}
+    pair = [scalars[name] for name in shown if name in scalars]
     if len(pair) != 2 or len(at) != 2 or is_random(task.process.next):
         return None
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
@@ -183,7 +184,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
         path = expert_path(task)
     else:
         path = [dict(overlay.here)]
-    places = np.array([[float(state[c.name]) for c in pair] for state in path])
+    places = np.array([[state[c.name] for c in pair] for state in path], np.float64)
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
     plot = Axes(*ends)
@@ -206,6 +207,11 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     return fitted(items, f"Phase portrait of {task.name}", notes)
 
 
+def _spread(low: float, high: float, n: int, edge: float) -> Array:
+    """Return n numbers (n,) at equal distances, with a margin of `edge` times their distance at both ends."""
+    return low + (high - low) * np.arange(edge, n + edge) / (n - 1 + 2 * edge)
+
+
 @dataclass(frozen=True)
 class _Plane:
     """The plane of two components, whose names are `pair`; everything else is as in `state`."""
@@ -217,10 +223,8 @@ class _Plane:
 
     def grid(self, columns: int, rows: int, edge: float = 1.0) -> tuple[Array, Reads]:
         """Return points (rows * columns, 2) with a margin of `edge` times their distance, row by row, and states there."""
-        shares = [np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in (columns, rows)]
-        x, y = (
-            low + (high - low) * share for (low, high), share in zip((self.plot.x, self.plot.y), shares, strict=True)
-        )
+        x = _spread(*self.plot.x, columns, edge)
+        y = _spread(*self.plot.y, rows, edge)
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
         return points, reads | {(Role.STATE, name): points[:, i] for i, name in enumerate(self.pair)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -145,7 +145,7 @@ def routed(
 
 
 def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np.ndarray, np.ndarray]:
-    flat = [x for lines in options for x in lines]
+    flat = list(chain.from_iterable(options))
     ends = [0, *accumulate(map(len, options))]
     groups = [range(a, b) for a, b in pairwise(ends)]
     of = np.repeat(np.arange(len(groups)), list(map(len, groups)))

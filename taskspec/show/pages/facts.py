@@ -113,16 +113,20 @@ MOST_COLUMNS = 4
 def table(settings: Sequence[Setting]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
     columns = [dict(_scores(each.task, each.facts)) for each in settings]
-    names = list(dict.fromkeys(name for scores in columns for name in scores))
+    names: dict[str, None] = {}
+    for scores in columns:
+        names |= dict.fromkeys(scores)
     titles = [""]
     if len(settings) > 1:
         titles = [each.title for each in settings]
+    rows: list[tuple[Inlines, ...]] = []
     if len(settings) > MOST_COLUMNS:
-        turned = zip(titles, columns, strict=True)
-        lines = tuple(((Text(title),), *(scores.get(name, ()) for name in names)) for title, scores in turned)
-        return CellTable(("", *names), lines)
-    rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in columns)) for name in names)
-    return CellTable(("", *titles), rows)
+        for title, scores in zip(titles, columns, strict=True):
+            rows.append(((Text(title),), *(scores.get(name, ()) for name in names)))
+        return CellTable(("", *names), tuple(rows))
+    for name in names:
+        rows.append(((Text(name),), *(scores.get(name, ()) for scores in columns)))
+    return CellTable(("", *titles), tuple(rows))
 
 
 def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:

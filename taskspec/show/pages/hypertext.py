@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from itertools import chain
 from typing import Any, assert_never
 
 from markupsafe import Markup
@@ -130,9 +131,9 @@ class HtmlWriter:
                 return Markup("<p>{}</p>").format(self.prose(content))
             case p.Bullets(items=items, ordered=ordered):
                 tag = "ol" if ordered else "ul"
-                inner = Markup("").join(
-                    Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items
-                )
+                inner = Markup("")
+                for item in items:
+                    inner += Markup("<li>{}</li>").format(Markup("").join(map(self.block, item)))
                 return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
             case _:
                 return Markup("<pre>{}</pre>").format(block.text)
@@ -163,7 +164,9 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
     match _flat(math):
         case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
-            cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+            cells = Markup("")
+            for cell in chain.from_iterable(rows):
+                cells += Markup("<span>{}</span>").format(formula(cell))
             before = formula(m.row(*left)) if left else ""
             whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
             return Markup(whole).format(plain(math), before, cells)
@@ -223,7 +226,10 @@ def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
     """Return the items of rows in rows; with `inside` also those within brackets that are as high as a line."""
     match math:
         case m.Row(items=items):
-            return [x for item in items for x in _flat(item, inside)]
+            flat = []
+            for item in items:
+                flat += _flat(item, inside)
+            return flat
         case m.Fence(left=left, body=body, right=right) if inside and not m.is_tall(body):
             return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
         case _:

@@ -132,7 +132,8 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
             draws.append((s.Subscript(name, below, node.place) if below else name, node))
             return draws[-1][0]
         if isinstance(node, s.Comprehension):
-            indices += tuple(name for clause in node.clauses for name in clause.targets)
+            for clause in node.clauses:
+                indices += clause.targets
         return mapped(node, partial(go, indices=indices))
 
     inner = go(expr)

@@ -226,7 +226,9 @@ def nothing_told_apart(x: Evidence) -> AuditFinding | None:
     """Find that all episodes of a large environment earned the same."""
     if x.solved is not None:
         return None
-    returns = {round(value, 9) for values in x.returns.values() for value in values}
+    returns = set()
+    for values in x.returns.values():
+        returns |= {round(value, 9) for value in values}
     if len(returns) != 1:
         return None
     return AuditFinding(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
@@ -254,7 +256,9 @@ def hidden_reward(x: Evidence) -> AuditFinding | None:
     if table is None or x.classes is None:
         return None
     for a, action in enumerate(table.actions):
-        paid = [frozenset(reward for _, reward, _ in row[a]) if row else None for row in table.rows]
+        paid: list[frozenset[float] | None] = []
+        for row in table.rows:
+            paid.append(frozenset(reward for _, reward, _ in row[a]) if row else None)
         pair = _alike(x, paid)
         if pair is not None:
             one, other = (", ".join(map(decimal, sorted(paid[s] or ()))) for s in pair)
@@ -387,10 +391,10 @@ class Audit:
 
     def record(self) -> dict[str, Any]:
         """Return the audit as plain data."""
-        findings = [
-            {"kind": e.check.kind, "name": e.check.name, "words": e.finding.words, "trace": e.trace or None}
-            for e in self.entries
-        ]
+        findings = []
+        for e in self.entries:
+            trace = e.trace or None
+            findings.append({"kind": e.check.kind, "name": e.check.name, "words": e.finding.words, "trace": trace})
         return {"environment": self.name, "size": self.size, **self.numbers, "findings": findings}
 
 

@@ -273,7 +273,10 @@ def _line_and_column(diagnostic: Diagnostic) -> tuple[int, int]:
 
 
 def problems_of(reports: Iterable[FileReport]) -> list[Diagnostic]:
-    return [diagnostic for report in reports for diagnostic in report.diagnostics]
+    problems: list[Diagnostic] = []
+    for report in reports:
+        problems += report.diagnostics
+    return problems
 
 
 def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:

@@ -161,8 +161,10 @@ def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
 
 
 def _is_expression(path: Path) -> bool:
-    around = [schema for end in range(1, len(path) + 1) for schema in schemas(path[:end])]
-    return any(schema.get("title") in _EXPRESSIONS for schema in around)
+    titles = set()
+    for end in range(1, len(path) + 1):
+        titles |= {schema.get("title") for schema in schemas(path[:end])}
+    return not titles.isdisjoint(_EXPRESSIONS)
 
 
 def names(scope: Scope | None) -> Iterator[Completion]:

@@ -88,15 +88,17 @@ def read_environment(name: str) -> FrozenTask:
 
 def _of_p(source: ForeignFile, P: Any, other: dict[str, Any]) -> FrozenTask:
     """Return the task of a table by state and action, keys being numbers or their texts; other keys are taken out."""
-    by_state = {int(s): {int(a): outcomes for a, outcomes in row.items()} for s, row in P.items()}
+    by_state = {int(s): row for s, row in P.items()}
     names = list(other.pop("actions", ()))
     rows: list[Row] = []
     for s in range(len(by_state)):
-        row = {}
-        for a, outcomes in sorted(by_state[s].items()):
-            row[_action(source, names, a)] = [
-                Outcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
-            ]
+        by_action = {int(a): outcomes for a, outcomes in by_state[s].items()}
+        row: dict[str, list[Outcome]] = {}
+        for a in sorted(by_action):
+            outcomes = []
+            for p, to, r, ends in by_action[a]:
+                outcomes.append(Outcome(float(p), int(to), float(r), bool(ends)))
+            row[_action(source, names, a)] = outcomes
         rows.append(row)
     seen = other.pop("observations", None)
     if seen is not None:

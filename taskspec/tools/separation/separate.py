@@ -160,10 +160,9 @@ class Search:
         self, wanted: Sequence[tuple[Subject, tuple[int, ...]]], learners: Sequence[Examinee]
     ) -> list[list[list[float] | None]]:
         limits = written_limits()
-        calls = [
-            (subject, tuple(each.elsewhere() for each in learners), seeds, self.steps, limits)
-            for subject, seeds in wanted
-        ]
+        calls = []
+        for subject, seeds in wanted:
+            calls.append((subject, tuple(each.elsewhere() for each in learners), seeds, self.steps, limits))
         endings = self.pool.map(races.race, calls, races.SECONDS)
         failed = [ending for ending in endings if ending.status != "done"]
         if len(failed) == len(endings):
@@ -215,7 +214,7 @@ class Search:
 
 
 def _difference(scores: Sequence[Sequence[float]]) -> Difference:
-    table = np.array([[value] for values in scores for value in values])
+    table = np.concatenate(scores)[:, None]
     is_first = np.arange(len(table)) < len(scores[0])
     return differences(table, is_first)[0]
 

@@ -152,7 +152,10 @@ def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int
 def _lines(task: Task, model: Model) -> list[set[int]]:
     """Return for each state of a model the lines that decide about it: of branches and rows for next state, reward and end."""
     sections = ("dynamics", "reward", "terminal", "expert")
-    written = [(expr, SectionScope(task, section)) for section in sections for _, expr in entries(task, section)]
+    written = []
+    for section in sections:
+        for _, expr in entries(task, section):
+            written.append((expr, SectionScope(task, section)))
     rows: list[set[int]] = [set() for _ in model.codes]
     for s, a in np.ndindex(model.n_states, model.n_actions):
         reads = model.states.decode(model.codes[s : s + 1]) | model.actions.decode(np.array([a]))

@@ -85,12 +85,16 @@ class LatexWriter:
         """Return tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
         scene = suite.scenes.get(head.anchor)
+        others = []
+        for other in family.others:
+            others.append({
+                "name": escape(other.page.name), "base": _base(other, head), "summary": self.prose(other.page.summary),
+                "sections": [*self.run_in(other.page)],
+            })  # fmt: skip
         return text_environment().get_template("brief.tex").render(
             name=escape(head.name), title=escape(family.title), id=escape(head.id), summary=self.prose(head.summary),
             labels=[page.anchor for page in family.pages], cites=", ".join(map(self.cite, head.sources)),
-            sections=[*self.run_in(head)],
-            others=[{"name": escape(other.page.name), "base": _base(other, head), "summary": self.prose(other.page.summary),
-                     "sections": [*self.run_in(other.page)]} for other in family.others],
+            sections=[*self.run_in(head)], others=others,
             figure=tikz(scene) if scene else "", caption=escape(scene.caption) if scene else "",
         )  # fmt: skip
 

@@ -62,7 +62,9 @@ def _title(shown: Page, width: int) -> RenderableType:
 
 
 def _section(section: Section) -> RenderableType:
-    parts: list[RenderableType] = [part for line in section.lines for part in _line(line)]
+    parts: list[RenderableType] = []
+    for line in section.lines:
+        parts += _line(line)
     if section.table is not None:
         table = Columns(*section.table.header, fold=range(len(section.table.header)))
         for row in section.table.rows:
