@@ -26,14 +26,8 @@ def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
     return names
 
 
-def indent(lines: Iterable[str], by: int = 1) -> list[str]:
-    indented = []
-    for line in lines:
-        if line:
-            indented.append(f"{'    ' * by}{line}")
-        else:
-            indented.append("")
-    return indented
+def indent(lines: Iterable[str]) -> list[str]:
+    return [f"    {line}" if line else "" for line in lines]
 
 
 def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:

@@ -229,9 +229,7 @@ class Ranges:
     untried: int = 0
 
 
-def check_ranges(
-    task: TaskLike, limit: int = RANGE_POINTS, beside: Callable[[Task], Sequence[Diagnostic]] | None = None
-) -> Ranges:
+def check_ranges(task: TaskLike, beside: Callable[[Task], Sequence[Diagnostic]] | None = None) -> Ranges:
     """Check a task at corners of the declared ranges of its parameters and between them.
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
@@ -240,7 +238,6 @@ def check_ranges(
 
     Args:
         task: a task at its defaults, or at other values from which the rest are tried.
-        limit: steps up to which all are checked, as for `examine`.
         beside: gives further problems of a setting at which the task is sound.
     """
     task = load(task)
@@ -266,11 +263,11 @@ def check_ranges(
             continue
         left -= other.source.surface.expressions
         tried.append(values)
-        diagnostics = examine(other, limit).diagnostics
+        diagnostics = examine(other, RANGE_POINTS).diagnostics
         wrong += diagnostics
         if beside is not None and all(d.severity != "error" for d in diagnostics):
             further += [_noted(d, note) for d in beside(other)]
-    return Ranges((*_new(wrong, task, limit), *further), tuple(tried), untried)
+    return Ranges((*_new(wrong, task), *further), tuple(tried), untried)
 
 
 def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
@@ -285,10 +282,10 @@ def _noted(diagnostic: Diagnostic, note: str) -> Diagnostic:
     return replace(diagnostic, notes=(*diagnostic.notes, note))
 
 
-def _new(diagnostics: Sequence[Diagnostic], task: Task, limit: int) -> list[Diagnostic]:
+def _new(diagnostics: Sequence[Diagnostic], task: Task) -> list[Diagnostic]:
     if not diagnostics:
         return []
-    known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
+    known = {(d.code, d.span) for d in examine(task, RANGE_POINTS).diagnostics}
     fresh = []
     for diagnostic in diagnostics:
         if (diagnostic.code, diagnostic.span) not in known:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -176,12 +176,10 @@ class NormalForms:
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], int] = {}
 
-    def all(self, roots: Iterable[Expression], order: Sequence[Draw] | None = None) -> list[int]:
-        """Give numbers to the forms of some nodes; `order` ranks the draws that may occur in them."""
+    def all(self, roots: Iterable[Expression]) -> list[int]:
+        """Give numbers to the forms of some nodes."""
         roots = list(roots)
-        rank = {}
-        for i, d in enumerate(draws(roots) if order is None else order):
-            rank[d.site] = i
+        rank = {draw.site: i for i, draw in enumerate(draws(roots))}
         numbers: dict[int, int] = {}
         edges: dict[int, Range] = {}
         for node in walk(roots):

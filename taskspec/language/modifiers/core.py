@@ -325,8 +325,8 @@ def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row
     return parts
 
 
-def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:
-    table = b.const(tuple(values), Type(kind, (len(values),)))
+def looked_up(b: Builder, values: Sequence[Any], row: Node) -> Node:
+    table = b.const(tuple(values), Type(Kind.INT, (len(values),)))
     return b.structure("index", [table, b.position(row, len(values))])
 
 

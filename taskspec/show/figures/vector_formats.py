@@ -127,10 +127,10 @@ def runs(tree: m.Math) -> str:
             return escape(plain(tree))
 
 
-def tikz(scene: sc.Scene, scale: float = 1.0) -> str:
+def tikz(scene: sc.Scene) -> str:
     """Return a `tikzpicture`; the names of its colours are those of `tikz_colors`."""
     body = "\n".join(f"  {_tikz_item(item)}" for item in scene.items)
-    options = f"x={scale:g}cm, y=-{scale:g}cm, line width=0.7pt, line join=round"
+    options = "x=1cm, y=-1cm, line width=0.7pt, line join=round"
     return f"\\begin{{tikzpicture}}[{options}]\n{body}\n\\end{{tikzpicture}}"
 
 

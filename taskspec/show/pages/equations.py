@@ -50,8 +50,8 @@ class Writing:
     def put(self, expr: s.Expr) -> s.Expr:
         return rewrites.substitute(expr, self.values) if self.values else expr
 
-    def math(self, expr: s.Expr, of: str | None = None, notation: Notation | None = None) -> m.Math:
-        return mathematics(self.put(expr), notation or self.notation, of)
+    def math(self, expr: s.Expr, of: str | None = None) -> m.Math:
+        return mathematics(self.put(expr), self.notation, of)
 
     def truth(self, expr: s.Expr, notation: Notation | None = None) -> m.Math:
         return condition(self.put(expr), notation or self.notation)

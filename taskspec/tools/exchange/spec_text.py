@@ -40,9 +40,9 @@ def spec_text(task: FrozenTask) -> str:
     return "\n".join(_lines(task)) + "\n"
 
 
-def task_of_tables(task: FrozenTask, suite: str = "") -> Task:
+def task_of_tables(task: FrozenTask) -> Task:
     """Build the task that the tables define."""
-    return build(read_text(spec_text(task), f"{task.name}.yaml"), suite=suite)
+    return build(read_text(spec_text(task), f"{task.name}.yaml"))
 
 
 def written(value: Number) -> str:
