@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,17 +68,10 @@ def _of_network(results: Results, network: Any, seed: int) -> ObservedValue:
     task = results.task
     outputs = outputs_of(network)
     if task.action_layout.form == "box":
-        value = value_of(results, Predictor(task, _Acting(outputs))).value
+        value = value_of(results, Predictor(task, SimpleNamespace(predict=outputs))).value
         return ObservedValue(value, value)
     start = Predictor(task, None).observe(Rollout(task, 1).start(), 0, np.random.default_rng(0))
     return _of_rows(results, outputs, seed, are_probabilities(outputs(start)))
-
-
-class _Acting:
-    """An object with `predict`, of a function."""
-
-    def __init__(self, function: Callable[[Any], Array]) -> None:
-        self.predict = function
 
 
 def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
