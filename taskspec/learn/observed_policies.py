@@ -14,7 +14,6 @@ from taskspec.exact.model.model import misused
 from taskspec.exact.policies.adapters import ObservationFunction, Predictor, ProbabilisticPolicy
 from taskspec.exact.policies.networks import is_network, outputs_of
 from taskspec.exact.policies.policy import greedy, legal_rows, states_of
-from taskspec.exact.policies.python_files import plain
 from taskspec.exact.policies.values import are_probabilities, by_row, is_table, table_value, value_of
 from taskspec.exact.rollout.rollout import Rollout
 from taskspec.exact.scores.returns import Results, Return
