@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium.vector
 import pytest
+from hypothesis import settings
 
 from taskspec.language import modifiers
 from taskspec.language.task import pipeline
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 pipeline._pipeline = checked(pipeline._pipeline)  # every task that any test builds
 modifiers._modified = checked(modifiers._modified)
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")  # tests run in as many processes as there are cores
+settings.register_profile("everyday", max_examples=25, deadline=None)
+settings.register_profile("thorough", max_examples=10_000, deadline=None)  # --hypothesis-profile=thorough
+settings.load_profile("everyday")
 ROOT = Path(__file__).parent.parent
 VECTORS = hasattr(gymnasium.vector, "AutoresetMode")
 

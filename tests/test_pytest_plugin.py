@@ -63,11 +63,11 @@ def test_a_right_learner_passes_and_a_wrong_one_fails_with_cause_task_and_comman
         """
         @pytest.mark.exam(tasks="coin_walk.yaml", seeds=2)
         def test_right(exam):
-            exam(train, steps="40k", twins=0).passes()
+            exam(train, steps="20k", twins=0).passes()
 
         @pytest.mark.exam(tasks="coin_walk.yaml", seeds=5)
         def test_wrong(exam):
-            exam(wrong, steps="40k", twins=0).passes()
+            exam(wrong, steps="20k", twins=0).passes()
         """.replace("\n        ", "\n"),
         "--strict-markers",
     )

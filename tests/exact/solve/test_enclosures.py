@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskspec.exact.solve.enclosure import EQUAL, Enclosure, NoNumber, absolute, arithmetic, compare, negative
@@ -38,7 +38,6 @@ def holds(a: Enclosure, number: Fraction) -> bool:
 
 
 @pytest.mark.parametrize("op", OPERATORS)
-@settings(max_examples=100, deadline=None)
 @given(known(), known())
 def test_operations(op: str, one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction]) -> None:
     (a, x) = one
@@ -52,7 +51,6 @@ def test_operations(op: str, one: tuple[Enclosure, Fraction], other: tuple[Enclo
     assert found.is_exact or not (a.is_exact and b.is_exact)
 
 
-@settings(max_examples=100, deadline=None)
 @given(known(), st.integers(-3, 4))
 def test_powers(one: tuple[Enclosure, Fraction], n: int) -> None:
     a, x = one
@@ -65,7 +63,6 @@ def test_powers(one: tuple[Enclosure, Fraction], n: int) -> None:
     assert found.low >= 0 or n % 2
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.fractions(Fraction(1, 100), 100, max_denominator=10**6), st.integers(-60, 60), st.integers(2, 5))
 def test_roots(base: Fraction, p: int, q: int) -> None:
     """x is at least the q-th root of b**p where x**q is at least b**p."""
@@ -78,7 +75,6 @@ def test_roots(base: Fraction, p: int, q: int) -> None:
     assert high - low < low / 2**40
 
 
-@settings(max_examples=100, deadline=None)
 @given(known(), known())
 def test_signs_and_hulls(one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction]) -> None:
     (a, x) = one
@@ -90,7 +86,6 @@ def test_signs_and_hulls(one: tuple[Enclosure, Fraction], other: tuple[Enclosure
     assert holds(a.hull(b), y)
 
 
-@settings(max_examples=100, deadline=None)
 @given(known())
 def test_floats_of_a_number_are_rounded_outwards(one: tuple[Enclosure, Fraction]) -> None:
     a, x = one
@@ -99,7 +94,6 @@ def test_floats_of_a_number_are_rounded_outwards(one: tuple[Enclosure, Fraction]
     assert holds(Enclosure.around(a.value, a.error), x)
 
 
-@settings(max_examples=100, deadline=None)
 @given(known(), known(), st.none() | st.fractions(0, 1, max_denominator=4))
 def test_comparisons_that_are_decided_are_true(
     one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction], tolerance: Fraction | None
@@ -115,7 +109,6 @@ def test_comparisons_that_are_decided_are_true(
     assert compare("!=", a, b, tolerance) in (None, not equal)
 
 
-@settings(max_examples=100, deadline=None)
 @given(numbers, numbers)
 def test_of_exact_numbers_every_comparison_is_decided(x: Fraction, y: Fraction) -> None:
     a = Enclosure.exactly(x)

@@ -14,7 +14,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskspec.language import draws
@@ -226,7 +226,6 @@ def test_normals_of_a_large_block_meet_without_seams() -> None:
     assert (whole[:, 8990:] == draws.normals(words[:, 8990:], 5)).all()
 
 
-@settings(max_examples=50)
 @given(lists_of(3 * draws.GAMMA_WORDS), st.lists(positive, min_size=3, max_size=3))
 def test_dirichlet_gives_one_result(words: list[int], alphas: list[float]) -> None:
     lanes = np.repeat(column(words), 2, axis=1)
@@ -263,7 +262,6 @@ def test_permutation_gives_one_result(words: list[int]) -> None:
     assert all((words[i], i) < (words[j], j) for i, j in pairwise(order))
 
 
-@settings(max_examples=30)
 @given(lists_of(2), st.floats(0, 120))
 def test_poisson_gives_one_result(words: list[int], rate: float) -> None:
     lanes = np.repeat(column(words), 2, axis=1)

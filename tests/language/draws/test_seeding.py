@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import taskspec
@@ -43,7 +43,6 @@ def test_words(seed: int, n: int, count: int) -> None:
     assert tuple(words(seed, RESET, n, count)) == draws.words(seed, draws.RESET, n, count)
 
 
-@settings(max_examples=300)
 @given(st.lists(word, min_size=9, max_size=9), st.floats(2**-10, 100, width=32))
 def test_reals(w: list[int], alpha: float) -> None:
     array = np.array(w + w[::-1], np.uint32)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -59,7 +59,6 @@ ALPHA = st.floats(5e-324, 1.7e308) | st.sampled_from(
 WORD = st.integers(0, 2**32 - 1) | st.sampled_from([0, 1, 255, 2**31 - 1, 2**31, 2**32 - 1])
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.lists(ALPHA, min_size=1, max_size=5), st.data())
 def test_shares_are_numbers_that_add_up_to_one(alphas: list[float], data: st.DataObject) -> None:
     size = draws.gamma_words(len(alphas))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import yaml
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from taskspec.language import source
@@ -36,7 +36,6 @@ def check_places(text: str, value: str) -> None:
         assert len(there) <= 12 + there.count(" ") + there.count("\n")
 
 
-@settings(max_examples=150, deadline=None)
 @given(value=values, style=st.sampled_from(["'", '"', "|", ">"]), width=st.integers(5, 40))
 @example(value="0\n  0 0 0", style=">", width=5)
 def test_places_in_what_the_emitter_writes(value: str, style: str, width: int) -> None:
@@ -52,7 +51,6 @@ plain_words = st.text(alphabet="abXY01+*()'é😀", min_size=1, max_size=6).map(
 plain_gaps = st.sampled_from([" ", "  ", "\n  ", "\n\n   ", " \n \n  ", "\r\n  "])
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     parts=st.lists(st.tuples(plain_words, plain_gaps), min_size=1, max_size=10),
     quote=st.sampled_from(["", '"', "'"]),
@@ -72,7 +70,6 @@ block_lines = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
 @given(
     lines=block_lines,
     style=st.sampled_from("|>"),

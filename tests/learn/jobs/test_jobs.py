@@ -195,34 +195,26 @@ def test_what_jobs_print_is_kept_apart(tmp_path: Path, capfd: pytest.CaptureFixt
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 @pytest.mark.skipif(os.cpu_count() == 1, reason="there is one thread anyway")
-def test_jax_computes_with_one_thread_in_each_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("jax")
-    for given, count in ((None, 1), ("2", 2)):
-        if given is not None:
-            monkeypatch.setenv("PJRT_NPROC", given)
-        with Store(tmp_path / f"{count}.sqlite") as store:
-            found = run([Job("threads", "threads", "tests.shared.jobs:threads")], store, Running(1))
-        assert found["threads"].value == count
-
-
-def test_what_jax_compiled_is_kept_when_a_module_is_run_again(tmp_path: Path) -> None:
-    pytest.importorskip("jax")
-    with Store(tmp_path / "store") as store:
-        found = run([Job("hits", "hits", jobs.compiled_again)], store, Running(1))
-    first, both = found["hits"].value
-    assert both > first
-
-
-@pytest.mark.parametrize(("given", "count"), [(None, "1"), ("2", "2")])
-def test_libraries_with_openmp_have_one_thread_in_each_process_unless_told_otherwise(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str | None, count: str
+@pytest.mark.parametrize(("given", "count"), [(None, 1), ("2", 2)])
+def test_libraries_have_one_thread_in_each_process_unless_told_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str | None, count: int
 ) -> None:
+    """JAX, and those with OpenMP; and JAX keeps what it compiled when a module is run again."""
+    pytest.importorskip("jax")
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     if given is not None:
         monkeypatch.setenv("OMP_NUM_THREADS", given)
+        monkeypatch.setenv("PJRT_NPROC", given)
+    wanted = [
+        Job("openmp", "openmp", "tests.shared.jobs:variable", ("OMP_NUM_THREADS",)),
+        Job("jax", "jax", "tests.shared.jobs:threads"),
+        Job("hits", "hits", jobs.compiled_again),
+    ]
     with Store(tmp_path / "results.sqlite") as store:
-        found = run([Job("seen", "seen", "tests.shared.jobs:variable", ("OMP_NUM_THREADS",))], store, Running(1))
-    assert found["seen"].value == count
+        found = run(wanted, store, Running(1))
+    assert (found["openmp"].value, found["jax"].value) == (str(count), count)
+    first, both = found["hits"].value
+    assert both > first
 
 
 @pytest.mark.parametrize("wrong", [{"workers": 0}, {"workers": 2, "cluster": "tcp://x"}, {"seconds": 0.0}], ids=str)
@@ -325,13 +317,13 @@ def test_an_entry_that_is_damaged_is_named(tmp_path: Path, change: str) -> None:
 # -- runs that are killed -----------------------------------------------------------------------------------------
 
 
-def killed_three_times(folder: Path, seconds: float, *cluster: str, meanwhile: Callable[[int], None]) -> None:
-    """A run of 200 jobs, killed thrice with all that it started, ends as if it had not been; nothing recorded is begun again."""
+def killed_twice(folder: Path, seconds: float, *cluster: str, meanwhile: Callable[[int], None]) -> None:
+    """A run of 200 jobs, killed twice with all that it started, ends as if it had not been; nothing recorded is begun again."""
     path = folder / "store"
     log = folder / "log"
     Store(path).close()
     before: list[tuple[int, dict[str, JobResult]]] = []
-    for number, enough in enumerate((30, 80, 130)):
+    for number, enough in enumerate((30, 130)):
         process = program(path, log, 200, seconds, *cluster)
         wait_for(lambda enough=enough, process=process: len(kept(path)) >= enough or process.poll() is not None)  # type: ignore[misc]
         meanwhile(number)
@@ -350,7 +342,7 @@ def killed_three_times(folder: Path, seconds: float, *cluster: str, meanwhile: C
 
 
 def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
-    killed_three_times(tmp_path, 0.02, meanwhile=lambda number: None)
+    killed_twice(tmp_path, 0.02, meanwhile=lambda number: None)
 
 
 def test_processes_end_with_the_one_that_they_work_for(tmp_path: Path) -> None:
@@ -384,7 +376,7 @@ def test_a_run_on_a_cluster_survives_itself_and_a_worker(tmp_path: Path, cluster
         if number == 1:
             os.kill(pid, signal.SIGKILL)
 
-    killed_three_times(tmp_path, 0.05, address, meanwhile=kill)
+    killed_twice(tmp_path, 0.05, address, meanwhile=kill)
 
 
 @needs_cluster

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskspec.language.expressions.parse import parse
@@ -71,7 +71,6 @@ def numbers(draw: Callable[..., Any], argument: str = "b") -> str:
     ]))  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
 @given(numbers(), vectors("y"), st.integers(0, 30))
 def test_definitions_mean_on_paper_what_they_mean_in_the_spec(number: str, vector: str, point: int) -> None:
     found = page(build(read_text(SPEC.format(number=number, vector=vector), "definitions.yaml")))

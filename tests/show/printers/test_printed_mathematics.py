@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskspec.language.expressions import syntax as s
@@ -37,30 +37,13 @@ def meant(expr: s.Expr, point: int) -> int:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_mathematics_says_what_the_expression_says(form: str) -> None:
-    @settings(max_examples=120, deadline=None)
-    @given(TREES, POINTS)
-    def compare(expr: s.Expr, point: int) -> None:
-        source, line = FORMS[form](expr)
-        assert reading.value(line, trees.printed(trees.names(point))) == meant(expr, point), source
-
-    compare()
+@given(TREES, POINTS)
+def test_mathematics_says_what_the_expression_says(form: str, expr: s.Expr, point: int) -> None:
+    source, line = FORMS[form](expr)
+    assert reading.value(line, trees.printed(trees.names(point))) == meant(expr, point), source
 
 
-@settings(max_examples=120, deadline=None)
 @given(TREES, POINTS)
 def test_text_says_what_the_expression_says(expr: s.Expr, point: int) -> None:
     """Tables and lists of cases, which text writes as conditionals, included."""
     assert meant(python.read(text(expr)), point) == meant(expr, point), text(expr)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("form", FORMS)
-def test_much_mathematics_says_what_the_expression_says(form: str) -> None:
-    @settings(max_examples=10_000, deadline=None)
-    @given(TREES, POINTS)
-    def compare(expr: s.Expr, point: int) -> None:
-        source, line = FORMS[form](expr)
-        assert reading.value(line, trees.printed(trees.names(point))) == meant(expr, point), source
-
-    compare()

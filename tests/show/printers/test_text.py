@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskspec.base.diagnostics import Collector
@@ -78,7 +78,6 @@ def _branches(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 TREES = st.recursive(LEAVES, _branches, max_leaves=12)
 
 
-@settings(max_examples=400, deadline=None)
 @given(TREES)
 def test_any_tree_comes_back(tree: s.Expr) -> None:
     written = text(tree)

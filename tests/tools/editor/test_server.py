@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import shutil
 import sys
-from collections.abc import Awaitable, Callable
+from collections import defaultdict
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,30 +25,58 @@ from taskspec.tools.editor.server import server
 SPEC = Path(__file__).parents[3] / "tasks" / "derail" / "risky_path.yaml"
 
 
-class Editor:
-    """A client with one open document, and what the server sent of it."""
+class Session:
+    """A client of a server of its own, in a loop of its own: scripts run in it one after another, each on a document."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self) -> None:
+        self.loop = asyncio.new_event_loop()
         self.client = LanguageClient("test", "1")
-        self.path = path
-        self.uri = path.as_uri()
-        self.text = path.read_text(encoding="utf-8")
-        self.problems: asyncio.Queue[list[lsp.Diagnostic]] = asyncio.Queue()
+        self.problems: dict[str, asyncio.Queue[list[lsp.Diagnostic]]] = defaultdict(asyncio.Queue)
         self.refreshed = asyncio.Event()
-        self.version = 1
 
         @self.client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
         def published(params: lsp.PublishDiagnosticsParams) -> None:
-            self.problems.put_nowait(list(params.diagnostics))
+            self.problems[params.uri].put_nowait(list(params.diagnostics))
 
         @self.client.feature(lsp.WORKSPACE_CODE_LENS_REFRESH)
         def refresh(params: Any) -> None:
             self.refreshed.set()
 
-    async def open(self) -> list[lsp.Diagnostic]:
+    def run(self, script: Awaitable[None], seconds: float = 120) -> None:
+        self.loop.run_until_complete(asyncio.wait_for(script, seconds))
+
+    async def open(self) -> None:
         await self.client.start_io(sys.executable, "-m", "taskspec", "lsp")
         await self.client.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities()))
         self.client.initialized(lsp.InitializedParams())
+
+    async def close(self) -> None:
+        await self.client.shutdown_async(None)
+        self.client.exit(None)
+        await self.client.stop()
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Session]:
+    started = Session()
+    started.run(started.open())
+    yield started
+    started.run(started.close(), 30)
+    started.loop.close()
+
+
+class Editor:
+    """An open document, and what the server sent of it."""
+
+    def __init__(self, session: Session, path: Path) -> None:
+        self.client = session.client
+        self.refreshed = session.refreshed
+        self.uri = path.as_uri()
+        self.text = path.read_text(encoding="utf-8")
+        self.problems = session.problems[self.uri]
+        self.version = 1
+
+    async def open(self) -> list[lsp.Diagnostic]:
         document = lsp.TextDocumentItem(self.uri, "yaml", self.version, self.text)
         self.client.text_document_did_open(lsp.DidOpenTextDocumentParams(document))
         return await self.problems.get()
@@ -69,29 +98,33 @@ class Editor:
         column = len(lines[-1].encode("utf-16-le")) // 2
         return {"text_document": lsp.TextDocumentIdentifier(self.uri), "position": lsp.Position(len(lines) - 1, column)}
 
-    async def close(self) -> None:
-        await self.client.shutdown_async(None)
-        self.client.exit(None)
-        await self.client.stop()
+    def close(self) -> None:
+        document = lsp.TextDocumentIdentifier(self.uri)
+        self.client.text_document_did_close(lsp.DidCloseTextDocumentParams(document))
 
 
-def edited(tmp_path: Path, script: Callable[[Editor], Awaitable[None]]) -> None:
+Edited = Callable[[Callable[[Editor], Awaitable[None]]], None]
+
+
+@pytest.fixture
+def edited(session: Session, tmp_path: Path) -> Edited:
+    """Run a script on a copy of a spec that is open in an editor."""
     path = tmp_path / "spec.yaml"
     shutil.copy(SPEC, path)
     for bibliography in SPEC.parent.glob("*.bib"):
         shutil.copy(bibliography, tmp_path)
 
-    async def session() -> None:
-        editor = Editor(path)
+    def run(script: Callable[[Editor], Awaitable[None]]) -> None:
+        editor = Editor(session, path)
         try:
-            await asyncio.wait_for(script(editor), timeout=120)
+            session.run(script(editor))
         finally:
-            await asyncio.wait_for(editor.close(), timeout=30)
+            editor.close()
 
-    asyncio.run(session())
+    return run
 
 
-def test_mistakes_are_marked_while_typing_and_fixed(tmp_path: Path) -> None:
+def test_mistakes_are_marked_while_typing_and_fixed(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         assert await editor.open() == []
         problems = await editor.change("start: {safe: detour", "start: {safe: detuor")
@@ -108,7 +141,7 @@ def test_mistakes_are_marked_while_typing_and_fixed(tmp_path: Path) -> None:
         assert (edit.range, edit.new_text) == (problem.range, "detour")
         assert await editor.change("detuor", "detour") == []
 
-    edited(tmp_path, script)
+    edited(script)
 
 
 def test_a_question_that_fails_has_no_answer() -> None:
@@ -122,7 +155,7 @@ def test_a_question_that_fails_has_no_answer() -> None:
     assert [handler(Broken(), place) for handler in asked] == [None] * len(asked)
 
 
-def test_names_are_completed_explained_found_and_renamed(tmp_path: Path) -> None:
+def test_names_are_completed_explained_found_and_renamed(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
         await editor.change("summary: A shortcut", "summary: 𝔸 shortcut")  # two units in UTF-16
@@ -144,10 +177,10 @@ def test_names_are_completed_explained_found_and_renamed(tmp_path: Path) -> None
         assert "prefers(soft(1), way == safe" in editor.text
         assert "by: [s, way]" in editor.text
 
-    edited(tmp_path, script)
+    edited(script)
 
 
-def test_a_name_is_renamed_in_the_specs_that_extend_its_own(tmp_path: Path) -> None:
+def test_a_name_is_renamed_in_the_specs_that_extend_its_own(tmp_path: Path, edited: Edited) -> None:
     child = tmp_path / "child.yaml"
     child.write_text(
         "taskspec: 1\nname: Child\nextends: spec.yaml\nreward: (s' == goal) - (a == risky)\n", encoding="utf-8"
@@ -162,13 +195,12 @@ def test_a_name_is_renamed_in_the_specs_that_extend_its_own(tmp_path: Path) -> N
         (edit,) = change.changes[child.as_uri()]
         assert (edit.range.start.line, edit.range.start.character, edit.new_text) == (3, 24, "way")
 
-    edited(tmp_path, script)
+    edited(script)
 
 
-def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_others(tmp_path: Path) -> None:
+def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_others(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
-        await editor.refreshed.wait()
         document = lsp.TextDocumentIdentifier(editor.uri)
 
         async def lenses() -> dict[str, str]:
@@ -176,6 +208,9 @@ def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_other
             lines = editor.text.split("\n")
             return {lines[lens.range.start.line].strip().partition(":")[0]: lens.command.title for lens in found}
 
+        while not await lenses():
+            await editor.refreshed.wait()
+            editor.refreshed.clear()
         assert await lenses() == {
             "name": "optimal 4, expert 4, random -122.219, worst -247.5",
             "claims": "16 of 16 claims proved",
@@ -196,7 +231,7 @@ def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_other
         mistakes = await editor.change("initial:", "intial:")
         assert "E601" in {each.code for each in mistakes} and len(mistakes) > 1
 
-    edited(tmp_path, script)
+    edited(script)
 
 
 def test_a_check_ends_with_what_waits_for_it(tmp_path: Path) -> None:
@@ -227,7 +262,7 @@ def _content(place: Path) -> bytes:
         return b""
 
 
-def test_layout_folding_and_signatures(tmp_path: Path) -> None:
+def test_layout_folding_and_signatures(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
         document = lsp.TextDocumentIdentifier(editor.uri)
@@ -250,10 +285,10 @@ def test_layout_folding_and_signatures(tmp_path: Path) -> None:
         assert call.signatures[0].label == "clip(x, low, high)"
         assert call.signatures[0].parameters[call.active_parameter].label == "high"
 
-    edited(tmp_path, script)
+    edited(script)
 
 
-def test_colours_and_outline(tmp_path: Path) -> None:
+def test_colours_and_outline(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
         document = lsp.TextDocumentIdentifier(editor.uri)
@@ -270,14 +305,14 @@ def test_colours_and_outline(tmp_path: Path) -> None:
             words.add(lines[line][column : column + length])
         assert {"s'", "goal", "start", "prefers", "122.21875"} <= words
 
-    edited(tmp_path, script)
+    edited(script)
 
 
-def test_other_files_are_left_alone(tmp_path: Path) -> None:
+def test_other_files_are_left_alone(edited: Edited) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
         assert await editor.change(editor.text, "services:\n  web: {image: x\n") == []
         offered = await editor.client.text_document_completion_async(lsp.CompletionParams(**editor.place("  we")))
         assert list(offered.items) == []
 
-    edited(tmp_path, script)
+    edited(script)

@@ -1,6 +1,6 @@
 """A sweep and an exam on a Dask cluster that is killed in the middle, and the same on this machine alone.
 
-`python -m tests.shared.clusters [N]` tells what happens, by default to 2,000 instances and to 2,000 trials.
+`python -m tests.verification.clusters [N]` tells what happens, by default to 2,000 instances and to 2,000 trials.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.extras import is_installed
-from tests.shared.clusters import killed
+from tests.verification.clusters import killed
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="processes are killed by signals"),
@@ -17,5 +17,5 @@ pytestmark = [
 
 
 def test_a_cluster_that_is_killed_changes_no_result(tmp_path: Path) -> None:
-    """60 instances and 60 trials here; `python -m tests.shared.clusters` does the same with 2,000 of each."""
+    """60 instances and 60 trials here; `python -m tests.verification.clusters` does the same with 2,000 of each."""
     killed(tmp_path, 60, say=print)
