@@ -33,16 +33,19 @@ VECTORS = hasattr(gymnasium.vector, "AutoresetMode")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
-    parser.addoption("--first-cases", action="store_true", help="run one case of each test function")
+    parser.addoption("--one-in", type=int, help="run one case of every so many-th test function")
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave one case of each test function, where that is asked."""
-    if not config.getoption("--first-cases"):
+    """Leave a sample, where that is asked: all modules are imported, and a part of their tests runs."""
+    step = config.getoption("--one-in")
+    if step is None:
         return
-    first = {item.nodeid.partition("[")[0]: item for item in reversed(items)}
-    items[:] = [item for item in items if first[item.nodeid.partition("[")[0]] is item]
+    first: dict[str, pytest.Item] = {}
+    for item in items:
+        first.setdefault(item.nodeid.partition("[")[0], item)
+    items[:] = list(first.values())[::step]
 
 
 def pytest_collection_finish() -> None:

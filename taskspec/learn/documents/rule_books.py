@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,26 @@ def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
 
 
 def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str, key: str) -> RuleBook:
+    return _read_once(path.absolute(), model, section, key, _stamp(path.parent))
+
+
+def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Names, times and sizes of the files in a folder: rules are read again where one of them has changed."""
+    stamp = []
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        status = path.lstat()
+        stamp.append((path.name, status.st_mtime_ns, status.st_size))
+    return tuple(stamp)
+
+
+@lru_cache(64)
+def _read_once(
+    path: Path,
+    model: type[ExamDocument | FindingsDocument],
+    section: str,
+    key: str,
+    stamp: tuple[tuple[str, int, int], ...],
+) -> RuleBook:
     document = read_file(path)
     described, diagnostics = check_document(document, model)
     if described is None:

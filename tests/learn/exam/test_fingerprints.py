@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ TASKS = (str(SPECS / "end_in_place.yaml"), str(SPECS / "coin_walk.yaml"), "derai
 GAMMA = 0.9
 
 
+@cache
 def learned_q(task: str, mistake: str, seed: int, steps: int = 25_000, exploration: float = 0.2) -> np.ndarray:
     """Return the table of Q-learning from samples, with a mistake in its code: a learner that knows nothing of the model."""
     env = taskspec.make(task)

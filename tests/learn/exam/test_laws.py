@@ -115,7 +115,7 @@ def clipping(case: Case) -> Array:
 
 def test_a_law_that_a_learner_declares_is_judged_and_others_are_reported() -> None:
     task = build(read_text(BANDIT))
-    terms: dict[str, Any] = {"tasks": [task], "seeds": 5, "steps": 100, "twins": 0}
+    terms: dict[str, Any] = {"tasks": [task], "seeds": 5, "steps": 50, "twins": 0}
     found = examine(right, **terms)
     assert found["flags"] == [] and {score["law"] for score in found["laws"]} == {"scale", "relabelled"}
     (flag,) = examine(clipping, **terms)["flags"]

@@ -52,9 +52,7 @@ def train(case):
 """
 
 
-@pytest.mark.parametrize(
-    ("form", "jobs"), [("{folder}/keeping.py:train", 1), ("{folder}/keeping.py:train", 2), ("keeping:train", 1)]
-)
+@pytest.mark.parametrize(("form", "jobs"), [("{folder}/keeping.py:train", 2), ("keeping:train", 1)])
 def test_what_a_run_leaves_in_modules_does_not_reach_the_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, jobs: int
 ) -> None:

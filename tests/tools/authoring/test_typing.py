@@ -51,7 +51,7 @@ def pauses(text: str, name: str, number: int) -> Iterator[tuple[int, str, str]]:
 def test_the_word_that_follows_is_offered() -> None:
     missed = []
     number = 0
-    for path in SPECS[::5]:
+    for path in SPECS[::7]:
         name = str(path)
         for at, text, word in pauses(path.read_text(encoding="utf-8"), name, 6):
             offered, _ = complete(analyse(text, name), at)
@@ -59,7 +59,7 @@ def test_the_word_that_follows_is_offered() -> None:
             number += 1
             if not labels & {word, word.rstrip("'"), word + "'"}:
                 missed.append((path.name, text[:at].rpartition("\n")[2], word))
-    assert number > 50
+    assert number > 40
     assert len(missed) <= 0.02 * number, missed
 
 
@@ -68,7 +68,7 @@ def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: 
     text = path.read_text(encoding="utf-8")
     whole = analyse(text, str(path))
     assert whole.diagnostics == ()
-    for end in random.Random(path.name).sample(range(len(text)), 30):
+    for end in random.Random(path.name).sample(range(len(text)), 8):
         typed = text[:end] + text[text.find("\n", end) :]
         found = analyse(typed, str(path))
         complete(found, end)
@@ -79,7 +79,7 @@ def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: 
 def test_what_is_kept_between_keystrokes_is_what_would_be_worked_out_again(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     last = analyse(text, str(path))
-    for end in random.Random(path.name).sample(range(len(text)), 8):
+    for end in random.Random(path.name).sample(range(len(text)), 4):
         typed = "# a line more\n" + text[:end] + text[text.find("\n", end) :]
         last = analyse(typed, str(path), last)
         alone = analyse(typed, str(path))
@@ -160,7 +160,7 @@ def test_what_a_hint_says_to_write_is_written(right: str, wrong: str, fix: str) 
     assert analyse(SMALL.replace(right, fix, 1), "small.yaml").diagnostics == ()
 
 
-EDITS = 100
+EDITS = 24
 EDITED = ("families/tree.yaml", "probes/sizes.yaml", "memory/n_back.yaml", "families/experiments/trees.yaml")
 """Specs, and an experiment."""
 

@@ -6,7 +6,6 @@ import http.client
 import json
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ pytest.importorskip("websockets")
 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from tests.shared.commands import Done
 from tests.shared.sparse import sparse
 from tests.tools.studio.shared import DERAIL, Page, Studio, running
 
@@ -230,24 +230,23 @@ def test_no_process_is_left(folder: Path, sent: signal.Signals) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code"), [(["nothing.yaml"], "E710"), (["model.py"], "E711"), ([".", "--port", "1"], "E713")]
+    ("target", "code"), [(["nothing.yaml"], "E710"), (["model.py"], "E711"), ([".", "--port"], "E713")]
 )
-def test_a_target_that_cannot_be_served_is_an_error(tmp_path: Path, arguments: list[str], code: str) -> None:
+def test_a_target_that_cannot_be_served_is_an_error(
+    studio: Studio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: list[str], code: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "model.py").write_text("")
-    command = [sys.executable, "-m", "taskspec", "studio", *arguments, "--no-browser"]
-    if code == "E713":
-        taken = Studio(tmp_path)
-        command[command.index("1")] = taken.host.rpartition(":")[2]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    if code == "E713":
-        taken.end(signal.SIGTERM)
-    assert ended.returncode != 0
-    assert code in ended.stderr
-    assert "Traceback" not in ended.stderr
+    if "--port" in target:
+        target = [*target, studio.host.rpartition(":")[2]]  # which is taken
+    done = Done("studio", *target, "--no-browser")
+    assert done.status != 0
+    assert code in done.err
 
 
-def test_a_missing_extra_is_named(tmp_path: Path) -> None:
-    script = "import sys; sys.modules['uvicorn'] = None; sys.argv = ['taskspec', 'studio']\nfrom taskspec.cli import main; main()"
-    ended = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert "E705" in ended.stderr
-    assert "[studio]" in ended.stderr
+def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    done = Done("studio")
+    assert "E705" in done.err
+    assert "[studio]" in done.err
