@@ -33,19 +33,19 @@ VECTORS = hasattr(gymnasium.vector, "AutoresetMode")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
-    parser.addoption("--one-in", type=int, help="run one case of every so many-th test function")
+    parser.addoption("--first-cases", action="store_true", help="run one case of each test function")
+    parser.addoption("--one-in", type=int, default=1, help="with --first-cases, of every so many-th test function")
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave a sample, where that is asked: all modules are imported, and a part of their tests runs."""
-    step = config.getoption("--one-in")
-    if step is None:
+    if not config.getoption("--first-cases"):
         return
     first: dict[str, pytest.Item] = {}
     for item in items:
         first.setdefault(item.nodeid.partition("[")[0], item)
-    items[:] = list(first.values())[::step]
+    items[:] = list(first.values())[:: config.getoption("--one-in")]
 
 
 def pytest_collection_finish() -> None:
