@@ -37,7 +37,7 @@ def test_every_mistake_is_a_program_that_differs(mistake: Mistake) -> None:
     assert set(mistake.causes) <= {*MISTAKES, *DIAGNOSES} and bool(mistake.causes) != bool(mistake.why)
 
 
-@pytest.mark.parametrize("learner", sparse(RIGHT, 7))
+@pytest.mark.parametrize("learner", sparse(RIGHT, 14))
 def test_a_right_learner_that_is_stopped_early_is_accused_of_nothing(learner: str) -> None:
     (told,) = run(Asked(learner, 0.05, (700_000,), 5))
     assert told.names == told.flags == ()

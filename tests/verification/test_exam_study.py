@@ -44,7 +44,7 @@ NAMED = (
 """Mistakes in the learner with a replay buffer that one seed on the probes shows."""
 
 
-@pytest.mark.parametrize("name", sparse(NAMED, 4))
+@pytest.mark.parametrize("name", sparse(NAMED, 8))
 def test_a_mistake_is_named_by_learned_values(name: str, tmp_path: Path) -> None:
     bug = next(each for each in bugs() if (each.learner, each.name) == ("replay", name))
     path = tmp_path / "replay.py"

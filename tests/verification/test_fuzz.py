@@ -18,7 +18,7 @@ from tests.verification.fuzz import corpus, found, layers, worker
 from tests.verification.fuzz.mutate import mutant
 
 ROOT = Path(__file__).parents[2]
-INPUTS = 600
+INPUTS = 300
 LAYERS = {"read", "shape", "build", "scalar", "numpy", "check", "pages"}
 SPEC = (ROOT / "tasks" / "derail" / "risky_path.yaml").read_bytes()
 CRASHING = """

@@ -295,13 +295,13 @@ def ids(value: Any) -> str:
     return value if isinstance(value, str) else ".".join(map(str, value))
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse(PLACES, 10), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse(PLACES, 20), ids=ids)
 def test_wrong_values_in_a_spec(feature: str, path: Path) -> None:
     for value in WRONG:
         assert_said(feature, replaced(feature, path, value))
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse(OVERRIDABLE, 10), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse(OVERRIDABLE, 20), ids=ids)
 def test_wrong_values_in_a_variant(feature: str, path: Path) -> None:
     """Every second of them: a variant is merged first, and then read as a spec is."""
     for value in WRONG[OVERRIDABLE.index((feature, path)) % 2 :: 2]:
@@ -329,7 +329,7 @@ def test_wrong_parameters(feature: str, tmp_path: FilePath) -> None:
                 assert {d.code for d in error.diagnostics} <= {"E314", "E702", "E703", "E704", "E407"}, (name, value)
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse([p for p in PLACES if isinstance(p[1][-1], str)], 20), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse([p for p in PLACES if isinstance(p[1][-1], str)], 40), ids=ids)
 def test_wrong_keys(feature: str, path: Path) -> None:
     for key in KEYS:
         assert_said(feature, renamed(feature, path, key))

@@ -34,8 +34,13 @@ from tests.shared.sparse import sparse  # noqa: E402
 def walked(task: str, config: Trpo | Ppo, steps: int = 40, absorb: bool = False) -> tuple[World, Any, StepBatch]:
     world = World.of(taskspec.load(task), absorb)
     held = TrpoUpdate(Trpo(config.experience, hidden=config.hidden), world).init(jax.random.key(0))
-    walk = world.begin(jax.random.key(2), 1)
-    return world, held, world.rollout(walk, sampler(world, held.actor), jax.random.key(1), steps)[1]
+
+    @jax.jit
+    def walk(actor: Any) -> StepBatch:
+        begun = world.begin(jax.random.key(2), 1)
+        return world.rollout(begun, sampler(world, actor), jax.random.key(1), steps)[1]
+
+    return world, held, walk(held.actor)
 
 
 @pytest.mark.slow
@@ -129,9 +134,9 @@ def test_the_best_discriminator_of_two_piles_knows_their_odds() -> None:
 
     own = pile(80)
     shown = pile(20)
-    draw = lambda key: (own, shown)  # noqa: E731
     judge.config = replace(judge.config, updates=1500)
-    nets, _ = judge.update(nets, optimiser, held.actor, draw, jax.random.key(0))
+    update = jax.jit(lambda *learned: judge.update(*learned, lambda key: (own, shown), jax.random.key(0)))
+    nets, _ = update(nets, optimiser, held.actor)
     assert np.allclose(judge.pay(nets, held.actor, own)[jnp.array([0, 99])], np.log([0.25, 4.0]), atol=0.02)
 
 

@@ -51,7 +51,7 @@ def test_steps_of_a_world_are_those_of_the_environment(name: str) -> None:
     task = taskspec.load(name)
     world = World.of(task, absorb=False)
     noise = world.head.noise(jax.random.key(1), (40, 3))
-    begun = world.begin(jax.random.key(0), 3)
+    begun = jax.jit(world.begin, static_argnums=1)(jax.random.key(0), 3)
     _, steps = jax.lax.scan(lambda w, n: world.step(w, world.head.uniform(n)), begun, noise)
     words = np.asarray(begun.state.key, np.uint64)
     for lane in range(3):

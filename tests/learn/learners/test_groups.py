@@ -35,13 +35,13 @@ def played(number: int) -> tuple[World, Any, Any, groups.GroupEpisodes]:
     first, second, begin, noise = jax.random.split(jax.random.key(3), 4)
     actor, other = (init_actor(key, world, (8,)) for key in (first, second))
     louder = other._replace(net=jax.tree.map(lambda x: 3 * x, other.net))
-    episodes = groups.play(world, actor, groups.begin_groups(world, begin, number, 2), noise)
-    return world, actor, louder, episodes
+    play = jax.jit(lambda actor: groups.play(world, actor, groups.begin_groups(world, begin, number, 2), noise))
+    return world, actor, louder, play(actor)
 
 
 def test_a_group_begins_in_one_state_and_goes_on_by_chance() -> None:
     world = World.of(taskspec.load("derail/NoisyObs-v0"), absorb=False)
-    walk = groups.begin_groups(world, jax.random.key(0), 5, 4)
+    walk = jax.jit(lambda key: groups.begin_groups(world, key, 5, 4))(jax.random.key(0))
     seen = np.asarray(walk.seen).reshape(5, 4, -1)
     assert (seen == seen[:, :1]).all()
     assert len(np.unique(np.asarray(walk.state.key), axis=1).T) == 20
@@ -77,7 +77,7 @@ def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
     log_probs, reference = (groups.log_probs(world, each, episodes) for each in (actor, other))
     advantages = jnp.linspace(-1, 2, 12)
     old = log_probs + jnp.linspace(-0.5, 0.5, 12)
-    actual = update.loss(actor, episodes, old, reference, advantages)
+    actual = jax.jit(update.loss)(actor, episodes, old, reference, advantages)
     rows = [np.asarray(each, np.float64).T for each in (log_probs, old)]
     expected = oracle.grpo_loss(
         *rows, np.asarray(advantages), np.asarray(episodes.live).T == 1, average=AVERAGES[average],
@@ -90,7 +90,7 @@ def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
     world, actor, other, episodes = played(6)
     update = groups.DirectUpdate(learner("dpo").settings, world, world)
     reference = groups.log_probs(world, other, episodes)
-    actual = update.loss(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
+    actual = jax.jit(update.loss)(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
     now, before = (
         np.asarray((each * episodes.live).sum(0), np.float64).reshape(-1, 2)
         for each in (groups.log_probs(world, actor, episodes), reference)
@@ -102,10 +102,10 @@ def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "task"), sparse([("grpo", "RiskyPath"), ("rloo", "RiskyPath"), ("dpo", "EarlyTermNeg")], 2)
+    ("name", "task"), sparse([("grpo", "RiskyPath"), ("rloo", "RiskyPath"), ("dpo", "EarlyTermNeg")], 3)
 )
 def test_they_learn(name: str, task: str) -> None:
-    granted = Granted(task, 60_000, seeds=2)
+    granted = Granted(task, 60_000, seeds=1)
     for policy in learner(name)(granted):
         assert score(granted.task, policy).normalised > 0.9
     assert granted.counted > 50_000 and len(granted.curve) >= 9

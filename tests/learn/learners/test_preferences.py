@@ -35,7 +35,7 @@ def asking(task: str, absorb: bool = False, **settings: Any) -> tuple[Preference
     policy = Ppo(Experience(absorb=absorb), hidden=(4,))
     reward = Reward(hidden=(4,), activation="tanh", shaped=True, scaled=True)
     found = PreferenceRound(Comparing(policy, reward, episodes=8, **settings), PpoUpdate(policy, world), world)
-    return found, found.query(init_policy_state(found.policy, jax.random.key(0)), jax.random.key(1))
+    return found, jax.jit(found.query)(init_policy_state(found.policy, jax.random.key(0)), jax.random.key(1))
 
 
 @pytest.mark.slow
