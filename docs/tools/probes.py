@@ -15,8 +15,6 @@ from taskspec.exact.policies.policy import greedy
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.returns import Results
 from taskspec.language.task.task import Task
-from taskspec.learn.documents.document_models import DiagnosisEntry
-from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import dynamics_of
 from taskspec.learn.exam.fingerprints import fingerprint
@@ -49,7 +47,6 @@ def probes() -> str:
         "common": ", ".join(common),
         "usual": ", ".join(usual),
         "missed": ", ".join(name for name in OPERATORS if name in missed),
-        "diagnoses": _diagnoses(),
     }
     return filled(PAGE, parts)
 
@@ -58,16 +55,6 @@ def _difficulty(task: Task) -> Iterator[str]:
     """Yield how far one has to look ahead, and how much chance matters; nothing where that is not known."""
     for value in difficulty(task, ["lookahead", "value_norm"]).values():
         yield "" if value is None else f"{value:.3g}"
-
-
-def _diagnoses() -> str:
-    path = file_of("probes", EXAM)
-    assert path is not None
-    rows = []
-    for rule in read_exam(path).rules:
-        assert isinstance(rule.entry, DiagnosisEntry)
-        rows.append(f"- {rule.entry.message}")
-    return "\n".join(rows)
 
 
 def exposed(task: Task) -> dict[str, float]:
