@@ -207,18 +207,18 @@ class Behaviour:
         paid = s.P.T @ (steps * s.R.reshape(-1)) + last_reward * s.model.start
         return self._share(paid, s.P.T @ steps + s.model.start)
 
-    def arriving(self, steps: Array) -> Array:
-        """Return what arrives (A, S) in each state by each action, of what leaves (A, S)."""
-        s = self.dynamics
-        n = s.model.n_states
-        return np.stack([s.P[a * n : (a + 1) * n].T @ steps[a] for a in range(s.model.n_actions)])
+    @staticmethod
+    def arriving(P: Any, steps: Array) -> Array:
+        """Return what arrives (A, S) in each state by each action under probabilities (A * S, S), of what leaves (A, S)."""
+        n = P.shape[1]
+        return np.stack([P[a * n : (a + 1) * n].T @ leaving for a, leaving in enumerate(steps)])
 
     @cached_property
     def comes_before(self) -> Array:
         """The actions (A, S) that may be those of the step before; at the start, of the last step of an episode."""
         s = self.dynamics
         steps = self.pi * (self.total - self.at_limit)
-        leads = self.arriving(steps)
+        leads = self.arriving(s.P, steps)
         ends = self.pi * (self.total - (self.total - self.at_limit) * s.going_on)
         return leads + np.outer(ends.sum(axis=1), s.model.start) > 0
 

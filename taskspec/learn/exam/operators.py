@@ -163,7 +163,7 @@ def _returns(s: Dynamics, acts: Behaviour) -> Iterator[tuple[int, Array, Array]]
 
 
 def _per_visit(s: Dynamics, summed: Array, visits: Array) -> Array:
-    """Return sums (A, S) by the visits (S,); the value before anything is learned where there are none."""
+    """Return sums (A, S) by the visits, (S,) or (A, S); the value before anything is learned where there are none."""
     mean: Array = np.divide(summed, visits, out=np.full_like(s.R, s.initial), where=visits > 0)
     return mean
 
@@ -195,10 +195,14 @@ def _batch_mean(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 def _overwritten(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the targets of steps whose observation is the one that they lead to."""
     steps = acts.pi * acts.total
-    arrivals = acts.arriving(steps)
-    paid = acts.arriving(steps * s.R)
-    reward = np.divide(paid, arrivals, out=np.zeros_like(paid), where=arrivals > 0)
-    return np.where(arrivals > 0, reward + s.gamma * s.learned(V), s.initial)
+    going_on = acts.arriving(s.P, steps)
+    arrivals = going_on
+    paid = acts.arriving(s.P, steps * s.R)
+    if s.P_end is not None:
+        arrivals = arrivals + acts.arriving(s.P_end, steps)
+        paid = paid + acts.arriving(s.P_end, steps * s.R)
+    summed = paid + going_on * s.gamma * s.learned(V)
+    return _per_visit(s, summed, arrivals)
 
 
 def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
