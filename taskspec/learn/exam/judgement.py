@@ -23,7 +23,9 @@ NEAR = 0.2
 CLEARER = 0.5
 """A mistake fits a task if its distance is at most `NEAR`, and at most `CLEARER` of that to what is right."""
 WORSE = 0.1
-"""It is contradicted by a task that what is right explains, where it is farther, by this and more than twice as far."""
+"""It is far worse than what is right where it is farther by this, and more than twice as far."""
+CONTRADICTED = 0.4
+"""It is contradicted by a task that what is right explains, where it is far worse, and farther than this."""
 ELSEWHERE = 0.25
 """On tasks where it does not differ from what is right, this is near."""
 SAME = 0.05
@@ -169,8 +171,10 @@ class _Pooled:
                 fitted.append(task)
             elif of_good > NEAR:
                 unfinished += 1 + is_far_worse
-            elif is_far_worse:
+            elif is_far_worse and distance > CONTRADICTED:
                 return False
+            elif is_far_worse:
+                unfinished += 1
         if len(fitted) <= unfinished:
             return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
