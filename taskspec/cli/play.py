@@ -20,13 +20,15 @@ def play(
     seed: Annotated[int | None, Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
-    from taskspec.envs import Environment, window
+    from taskspec.envs import Environment
     from taskspec.envs.options import seed_of
+    from taskspec.tools.play import Warned, legend
+    from taskspec.tools.play import play as open_window
     from taskspec.tools.targets import task_of
 
     built = task_of(task, variant, parameters or [], modifiers or [])
     env = Environment(built, render_mode="rgb_array")
-    keys = window.legend(built)
+    keys = legend(built)
     width = max(len(key) for key, _ in keys)
     say("\n".join([built.id, *(f"  {key:<{width}}  {name}" for key, name in keys)]))
     rewards: list[float] = []
@@ -42,6 +44,6 @@ def play(
 
     try:
         env.reset(seed=seed_of(seed) if seed is not None else None)
-        window.play(window.Warned(env, say) if built.mask else env, report, FPS)
+        open_window(Warned(env, say) if built.mask else env, report, FPS)
     finally:
         env.close()

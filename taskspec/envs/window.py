@@ -1,4 +1,4 @@
-"""Frames of an environment, the window that shows them, films, and tasks played with the keyboard."""
+"""Frames of an environment, the window that shows them, and the keys for its actions."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ import importlib
 import itertools
 import math
 import re
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-import gymnasium
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number, visible
-from taskspec.base.extras import install_package, need
+from taskspec.base.extras import need
 from taskspec.envs.options import invalid
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.parts import Component
@@ -172,18 +170,14 @@ def _pyplot() -> Any:
     return importlib.import_module("matplotlib.pyplot")
 
 
-# -- playing from the keyboard ------------------------------------------------------------------------------------
+# -- keys for actions ------------------------------------------------------------------------------------
 #
 # Needs finitely many actions, and no more of them than there are digits and letters.
 
 KEYS = "0123456789abcdefghijklmnopqrstuvwxyz"
-_ARROWS = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
+ARROWS = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
 """Arrow keys, by the numbers that SDL gives them."""
-_DIRECTIONS = _ARROWS | dict(zip(("east", "west", "south", "north"), _ARROWS.values(), strict=True))
-
-Step = Callable[[Any, Any, Any, float, bool, bool, dict[str, Any]], None]
-"""Called after every step: observation before, observation after, action, reward, terminated, truncated, info."""
-
+_DIRECTIONS = ARROWS | dict(zip(("east", "west", "south", "north"), ARROWS.values(), strict=True))
 
 LEVELS = (5, 3, 2)
 """Into how many values a real number of an action is cut to be played; the first that leaves enough keys."""
@@ -242,48 +236,3 @@ def names(task: Task) -> list[str]:
             words.append(number(label, 3) if isinstance(label, float) else str(label))
         described.append(", ".join(words))
     return described
-
-
-def legend(task: Task) -> list[tuple[str, str]]:
-    """Keys and what they do, in words."""
-    shown = {code: name for name, code in _ARROWS.items()}
-    keys = [shown.get(code) or chr(code) for (code,) in keys_to_action(task)]
-    return list(zip(keys, names(task), strict=True))
-
-
-class Warned(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment with legal actions that tells, in words, when an illegal one is taken."""
-
-    def __init__(self, env: Any, say: Callable[[str], None]) -> None:
-        super().__init__(env)
-        self._say = say
-        self._names = names(env.task)
-        self._first = env.task.action_layout.starts[0]
-
-    def step(self, action: Any) -> Any:
-        inside: Any = self.unwrapped
-        number = action - self._first
-        if not inside.action_masks()[number]:
-            self._say(f"{self._names[number]} is illegal here")
-        return self.env.step(action)
-
-
-def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | None = None) -> None:
-    """Open Gymnasium's window, and step the environment (`render_mode="rgb_array"`) as keys are pressed, until it is closed.
-
-    Raises:
-        SpecError: E705 without pygame, or before Gymnasium 1.0; E717 where there is no display.
-    """
-    pygame = need("pygame", "play")
-    try:
-        pygame.display.init()
-    except pygame.error as error:
-        message = f"there is no display to play on ({error})"
-        raise spec_error("E717", message, "`taskspec run --render gif` makes a film") from None
-    if int(gymnasium.__version__.split(".")[0]) < 1:  # its window goes on without keys, with the first action
-        message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
-        raise spec_error("E705", message, install_package("gymnasium>=1.0"))
-    with warnings.catch_warnings():  # it says that matplotlib is missing where that is only without windows of its own
-        warnings.simplefilter("ignore", UserWarning)
-        window = need("gymnasium.utils.play", "play")
-    window.play(env, callback=callback, fps=fps, wait_on_player=True)

@@ -24,7 +24,7 @@ MISSING = [
     ("minari", "minari", "command('demos', 'RiskyPath', '--format', 'minari', '-o', 'shown-v0')"),
     ("imitation", "imitation", "from taskspec.data import demonstrations; demonstrations('RiskyPath').imitation()"),
     ("play", "pygame", "command('play', 'RiskyPath')"),
-    ("play", "pygame", "from taskspec.envs import window; window.play(taskspec.make('Sort'))"),
+    ("play", "pygame", "from taskspec.tools.play import play; play(taskspec.make('Sort'))"),
     ("bench", "seals", "from taskspec.data import tabular; tabular('RiskyPath').seals()"),
 ]
 """An extra, a package of it, and what a user does that needs it."""

@@ -12,7 +12,6 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs import window
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from tests.conftest import VECTORS
@@ -152,19 +151,6 @@ def test_nothing_else_changes(task: Task) -> None:
             assert (seen.tolist(), found, {}) == (other.tolist(), plain, nothing)
             ended = found[1] or found[2]
     assert free.action_masks().tolist() == [True] * int(task.action_space.n)
-
-
-def test_a_player_is_told_of_illegal_actions(task: Task, form: str) -> None:
-    told: list[str] = []
-    env = window.Warned(taskspec.make(task), told.append)
-    env.reset(seed=0, options={"state": {"level": 2, "door": True}})
-    names = window.names(task)
-    assert expected(form, env.unwrapped.state)[-1] == 0
-    env.step(window.actions(task)[-1])
-    assert told == [f"{names[-1]} is illegal here"]
-    env.unwrapped.state = {"door": False}
-    env.step(window.actions(task)[-1])
-    assert len(told) == 1
 
 
 @pytest.mark.parametrize("action", ["{a: {type: real, low: 0, high: 1}}", "{a: {type: bool}, b: {type: bool}}"])

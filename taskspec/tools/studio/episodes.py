@@ -31,6 +31,7 @@ from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.states import reads_of, state_table
 from taskspec.show.terminal.rollouts import ENDINGS, action_words, policy_for, rollouts
 from taskspec.show.terminal.scripts import is_script
+from taskspec.tools.play import legend
 from taskspec.tools.studio.folder import Folder
 
 MOST_STATES = 500
@@ -47,7 +48,7 @@ ARROWS = {"right": "ArrowRight", "left": "ArrowLeft", "down": "ArrowDown", "up":
 def keys(task: Task) -> list[dict[str, str]] | None:
     """Return the actions in words, each with the key that it is played with; None for a task that cannot be played so."""
     try:
-        pairs = window.legend(task)
+        pairs = legend(task)
     except SpecError:
         return None
     return [{"name": name, "key": ARROWS.get(key, key)} for key, name in pairs]

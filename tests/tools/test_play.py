@@ -15,7 +15,9 @@ from gymnasium.envs.registration import EnvSpec
 
 import taskspec
 from taskspec.envs import window
+from taskspec.tools.play import Warned, legend, play
 from tests.conftest import needs_vectors
+from tests.envs.test_legal import FORMS, SPEC, expected
 from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files
 
@@ -68,13 +70,13 @@ def test_a_list_of_frames_is_what_gymnasium_collects() -> None:
 
 def test_keys_are_arrows_for_directions_and_digits_for_the_rest() -> None:
     pygame_codes = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
-    assert window.legend(taskspec.load("RiskyPath")) == [("0", "safe"), ("1", "risky")]
+    assert legend(taskspec.load("RiskyPath")) == [("0", "safe"), ("1", "risky")]
     task = taskspec.load("NoisyObs")
-    for key, name in window.legend(task):
+    for key, name in legend(task):
         code = pygame_codes.get(key) or ord(key)
         action = taskspec.make(task).get_keys_to_action()[(code,)]
         assert str(task.action[0].domain.labels[action]) == name
-    assert {k for k, _ in window.legend(task)} > {"left", "right", "up", "down"}
+    assert {k for k, _ in legend(task)} > {"left", "right", "up", "down"}
 
 
 @pytest.mark.parametrize("path", sparse(varied_files(), 2), ids=lambda path: path.stem)
@@ -98,7 +100,7 @@ def test_every_key_is_an_action_and_every_action_has_a_key(path: Path) -> None:
     keys = env.get_keys_to_action()
     assert len(keys) == count == len({np.asarray(action).tobytes() for action in keys.values()})
     assert all(space.contains(action) for action in keys.values())
-    assert len(window.legend(env.task)) == count
+    assert len(legend(env.task)) == count
 
 
 @needs_vectors("Gymnasium waits for the player from 1.0 on")
@@ -110,7 +112,7 @@ def test_a_person_plays_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     pressed = [[], [pygame.event.Event(pygame.KEYDOWN, key=ord("0"))], [], [pygame.event.Event(pygame.QUIT)]]
     monkeypatch.setattr(pygame.event, "get", lambda: pressed.pop(0))
-    window.play(env, lambda *step: seen.append(step[2:5]), fps=100)
+    play(env, lambda *step: seen.append(step[2:5]), fps=100)
     assert seen == [(0, 0.0, False), (0, 1.0, False)]
 
 
@@ -123,3 +125,21 @@ def test_the_command_says_so_where_there_is_no_display() -> None:
     )  # fmt: skip
     assert done.returncode != 0 and "Traceback" not in done.stderr
     assert "E717" in done.stderr and "1  risky" in done.stdout
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_player_is_told_of_illegal_actions(form: str, tmp_path: Path) -> None:
+    action, move = FORMS[form]
+    path = tmp_path / "lift.yaml"
+    path.write_text(SPEC.replace("ACTION", action).replace("MOVE", move))
+    task = taskspec.load(path)
+    told: list[str] = []
+    env = Warned(taskspec.make(task), told.append)
+    env.reset(seed=0, options={"state": {"level": 2, "door": True}})
+    names = window.names(task)
+    assert expected(form, env.unwrapped.state)[-1] == 0
+    env.step(window.actions(task)[-1])
+    assert told == [f"{names[-1]} is illegal here"]
+    env.unwrapped.state = {"door": False}
+    env.step(window.actions(task)[-1])
+    assert len(told) == 1
