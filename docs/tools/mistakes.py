@@ -30,14 +30,8 @@ ENTRY = re.compile(r"^- ([a-z -]+):", re.MULTILINE)
 
 
 def index() -> str:
-    """Return the page of all mistakes: what each is, and in how many threads it was reported."""
-    rows = []
-    for name in NAMES:
-        mistake = MISTAKES[name]
-        text = _action(mistake.what)
-        if mistake.reported:
-            text += f" ({len(mistake.reported)})"
-        rows.append((name, text))
+    """Return the page of all mistakes."""
+    rows = [(name, _action(MISTAKES[name].what)) for name in NAMES]
     return filled(FOLDER.with_suffix(".md"), {"mistakes": entries(rows)})
 
 
