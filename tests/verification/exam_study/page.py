@@ -38,8 +38,7 @@ and two diagnoses afterwards.
 - values: other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon
 - fingerprints: learned values, rewards or policies that a known mistake explains, without a right version
 
-The lists have mistakes that no score shows and whose cause is not named,
-and those that are named wrongly; o, p, v and f are the parts that flag them. A dash says why none is named.
+Mistakes that are not flagged, each with the reason, and those that are named wrongly:
 """
 
 
@@ -48,16 +47,13 @@ def written(results: Mapping[str, Found]) -> None:
     known = {f"{bug.learner} {bug.name}": bug for bug in bugs()}
     wrong = [(bug, results[name]) for name, bug in known.items() if name in results]
     right = {name: found for name, found in results.items() if name not in known}
-    parts = [_summary(wrong, right)]
+    rows = [_row(bug, found) for bug, found in wrong if _is_listed(bug, found)]
+    parts = [_summary(wrong, right), "\n".join(rows)]
     waiting = []
     for learner, title in NAMES.items():
-        of_learner = [(bug, found) for bug, found in wrong if bug.learner == learner]
-        rows = [_row(bug, found) for bug, found in of_learner if _is_listed(bug, found)]
-        missing = sum(bug.learner == learner for bug in bugs()) - len(of_learner)
+        missing = sum(bug.learner == learner for bug in bugs()) - sum(bug.learner == learner for bug, _ in wrong)
         if missing:
             waiting.append(f"{missing} of {title}")
-        if rows:
-            parts.append("\n".join([f"## {title}", "", *rows]))
     if waiting:
         parts.append(
             f"## Not examined\n\n{', '.join(waiting)}: these mistakes are written down, and wait for the next run."
@@ -90,17 +86,15 @@ def _share(holds: Sequence[bool]) -> str:
 
 
 def _is_listed(bug: Bug, found: Found) -> bool:
-    """Return whether a mistake is named wrongly, or shown by no score and not named."""
-    by_score = found.flagged["old tasks"] or found.flagged["probes"]
-    return found.cause(bug) == "wrong" or not (by_score or found.cause(bug))
+    """Return whether a mistake is named wrongly, or not flagged."""
+    return found.cause(bug) == "wrong" or not found.is_flagged
 
 
 def _row(bug: Bug, found: Found) -> str:
-    marks = "".join(part[0] for part in PARTS if found.flagged[part])
-    cause = f" – {bug.why}" if bug.why else ""
+    text = f"- {NAMES[bug.learner]}, {bug.what}: "
     if found.cause(bug) == "wrong":
-        cause = f": named wrongly: {', '.join(found.named)}"
-    return f"- {bug.what} ({marks or 'not flagged'}){cause}"
+        return f"{text}named *{', '.join(found.named)}*"
+    return f"{text}not flagged; {bug.why}"
 
 
 def _right(right: Mapping[str, Found]) -> str:
