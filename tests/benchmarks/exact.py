@@ -304,6 +304,7 @@ PLANS: tuple[tuple[Grid, tuple[Solver, ...]], ...] = (
     (to_corner(1000, 300), (ours, declared, storm)),
     (lasting(100, "discount"), (ours, storm)),
     (lasting(300, "discount"), (ours, storm)),
+    (lasting(1000, "discount"), (ours, storm)),
     (lasting(100, "chance"), (ours, storm)),
     (lasting(300, "chance"), (ours, storm)),
     (to_corner(100, 100), (declared, loops)),
