@@ -25,8 +25,8 @@ KEPT = "\N{NO-BREAK SPACE}"
 """Keeps a sign and its word on one line."""
 SQUARE = (0.46, 0.24)
 """Width and height of the square of a finding, in inches."""
-LEFT = 2.1
-"""Room for the names of families and sets, in inches."""
+LEFT = 0.85
+"""Room for the names of sets, in inches."""
 GAP = 0.35
 """Space between families, as a part of a square."""
 
@@ -37,7 +37,7 @@ def outcomes(findings: FindingsResult) -> Chart:
     for each in findings.results:
         families.setdefault(each.entry.about or "all", []).append(each)
     columns = max(map(len, families.values()))
-    rows = (len(findings.sets) + GAP) * len(families) + 1
+    rows = (1 + len(findings.sets) + GAP) * len(families) + 1
     width, height = SQUARE
     with chart.style():
         figure = chart.figure(LEFT + columns * width, rows * height)
@@ -48,6 +48,7 @@ def outcomes(findings: FindingsResult) -> Chart:
         y = 0.0
         for family, members in families.items():
             axes.text(-LEFT / width, y + 0.5, family, va="center", weight="bold")
+            y += 1
             for name in findings.sets:
                 axes.text(-0.2, y + 0.5, name, va="center", ha="right", color=chart.MUTED)
                 for x, each in enumerate(members):
