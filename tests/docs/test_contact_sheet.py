@@ -67,7 +67,7 @@ def words(found: Scene) -> str:
     return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
 
 
-@pytest.mark.parametrize("name", sparse([*contact.drawn_names(), *contact.foreign_specs()], 4))
+@pytest.mark.parametrize("name", sparse([*contact.drawn_names(), *contact.foreign_specs()], 8))
 def test_figures_are_drawn_and_can_be_read(name: str) -> None:
     settings = list(contact.shown([name]))
     assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)

@@ -48,14 +48,14 @@ WALKS = [(task, lanes) for i, task in enumerate(TASKS) for lanes in LANES[i % 2 
 
 
 @pytest.mark.parametrize(
-    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 5),
+    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 7),
     ids=lambda x: name_of(x) if isinstance(x, tuple) else x,
 )  # fmt: skip
 def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes: int, mode: str) -> None:
     Agreement(load(task), "numpy", lanes, mode).run(30 if lanes < 10 else 15)
 
 
-@pytest.mark.parametrize("task", TASKS[::4], ids=name_of)
+@pytest.mark.parametrize("task", TASKS[::8], ids=name_of)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taskspec.programs.numpy.BLOCK", 9)
     for mode in MODES:

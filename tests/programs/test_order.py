@@ -112,7 +112,7 @@ def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) ->
                 assert identical(env.reset()[0], reference.reset()[0]), parts
 
 
-@pytest.mark.parametrize("start", sparse(range(16), 4))
+@pytest.mark.parametrize("start", sparse(range(16), 8))
 def test_numpy_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
         agreement = Agreement(task_of(*parts, number), "numpy", 3, MODES[number % 3], number, ReferenceEnv, states=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def test_defaults(case: tuple[str, str | None]) -> None:
     walk_together(taskspec.make(load(case)), 2**63 + 12_345, 30)
 
 
-@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 6), ids=name)
+@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 9), ids=name)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:
@@ -108,10 +109,8 @@ def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) ->
     walk_together(taskspec.make(task), data.draw(st.integers(0, 2**64 - 1)), 25)
 
 
-@pytest.mark.parametrize("ending", ["terminate", "absorb"])
-@pytest.mark.parametrize("observe_time", [False, True])
-@pytest.mark.parametrize("case", EVERY[::4], ids=name)
-def test_compile_options(case: tuple[str, str | None], ending: str, observe_time: bool) -> None:
+@for_each(("case", "observe_time", "ending"), list(product(EVERY[::4], [False, True], ["terminate", "absorb"])))
+def test_compile_options(case: tuple[str, str | None], observe_time: bool, ending: str) -> None:
     task = load(case)
     task = taskspec.modify(task, "absorbing") if ending == "absorb" else task
     if observe_time and task.horizon is None and task.observation.space in FINITE_SPACES:

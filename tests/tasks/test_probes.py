@@ -28,7 +28,7 @@ MISTAKES = {
 GAMMA = 0.95
 
 
-@pytest.mark.parametrize("probe", sparse(MISTAKES, 2))
+@pytest.mark.parametrize("probe", sparse(MISTAKES, 4))
 def test_probes_expose_their_mistakes_and_pass_right_learners(probe: str) -> None:
     task = load(f"probes/{probe}-v0")
     assert set(exposed(task)) >= MISTAKES[probe]

@@ -271,7 +271,7 @@ def test_what_cannot_be_built_for_other_parameters_names_them(parts: dict[str, s
     assert [d.notes[-1] for d in found] == [f"parameters: {values}"]
 
 
-@pytest.mark.parametrize("task", sparse(tasks(*EVERY), 5), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", sparse(tasks(*EVERY), 10), ids=lambda t: t.id)
 def test_every_task_is_sound(task: Task) -> None:
     """Those that are shipped are put through all of `check` in `test_cli.py`."""
     assert soundness(task) == []

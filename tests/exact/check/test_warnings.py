@@ -114,7 +114,7 @@ def test_noise_tells_nothing_and_a_named_goal_tells_all() -> None:
     assert "W518" not in {d.code for d in warnings(task(**two, observation="{s: s, z: 'Normal(mean=side, std=1)'}"))}
 
 
-@pytest.mark.parametrize("made", sparse(tasks(SHIPPED), 4), ids=lambda t: t.id)
+@pytest.mark.parametrize("made", sparse(tasks(SHIPPED), 8), ids=lambda t: t.id)
 def test_shipped_tasks_make_warnings(made: Task) -> None:
     accepted = made.spec.accept
     assert [d for d in warnings(made) if d.code not in accepted] == []

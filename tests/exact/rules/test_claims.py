@@ -23,7 +23,7 @@ from tests.shared.specs import EVERY, tasks
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.mark.parametrize("task", sparse(tasks(*EVERY), 2), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", sparse(tasks(*EVERY), 3), ids=lambda t: t.id)
 def test_every_claim_of_every_task_holds(task: Task) -> None:
     for verdict in verdicts(task):
         assert verdict.holds, (verdict.claim.text, verdict.detail)

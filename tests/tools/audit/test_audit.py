@@ -33,7 +33,7 @@ def names(found: Audit, kind: str | None = None) -> set[str]:
     return {entry.check.name for entry in found.entries if kind in (None, entry.check.kind)}
 
 
-@pytest.mark.parametrize("planted", sparse(PLANTED, 5), ids=lambda each: each.__name__)
+@pytest.mark.parametrize("planted", sparse(PLANTED, 7), ids=lambda each: each.__name__)
 def test_what_is_planted_is_found(planted: type) -> None:
     found = audit(f"{PLACE}:{planted.__name__}")
     assert PLANTED[planted] in names(found)
