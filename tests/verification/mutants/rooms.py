@@ -22,7 +22,7 @@ ROOMS = {
     "model": Room("taskspec/exact/model", ("model", "solve", "scores")),
     "solve": Room("taskspec/exact/solve", ("solve", "scores", "rules", "verification")),
     "soundness": Room("taskspec/exact/soundness", ("check", "rules")),
-    "abstraction": Room("taskspec/exact/abstraction", ("abstraction", "check")),
+    "abstraction": Room("taskspec/exact/abstraction", ("check",)),
     "scores": Room("taskspec/exact/scores", ("scores", "policies")),
     "policies": Room("taskspec/exact/policies", ("policies", "scores", "data")),
     "rules": Room("taskspec/exact/rules", ("rules", "exam")),
