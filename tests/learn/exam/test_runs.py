@@ -232,9 +232,8 @@ def test_an_exam_says_how_long_it_takes_and_keeps_what_is_printed(tmp_path: Path
 
 
 @pytest.mark.skipif(os.name != "posix", reason="it forks")
-@pytest.mark.parametrize("seconds", [None, 60.0])
-def test_a_run_that_forks_gives_one_answer(tmp_path: Path, seconds: float | None) -> None:
-    running = Running(workers=1, seconds=seconds)
+def test_a_run_that_forks_gives_one_answer(tmp_path: Path) -> None:
+    running = Running(workers=1, seconds=60.0)
     learner = f"{LEARNERS}:ends_badly"
     terms = FIXED | {"tasks": ["RiskyPath"], "learns_from": ["reward"], "seeds": [3, 6, 7]}
     found = examine(learner, **terms, out=tmp_path, running=running)
