@@ -216,3 +216,18 @@ def test_a_bad_entry_is_told_at_its_place(old: str, new: str, code: str, place: 
     text = f"{HEAD}    when: score(Sort) > 0\n"
     assert old in text
     assert (code, place) in [each[:2] for each in mistakes(text.replace(old, new), tmp_path)]
+
+
+def test_rules_are_read_again_when_they_or_the_specs_beside_them_have_changed(tmp_path: Path) -> None:
+    for path in SUITE.iterdir():
+        if path.is_file():
+            (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
+    path = tmp_path / "exam.yaml"
+    first = read_exam(path)
+    assert read_exam(path) is first
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + "# a line more\n", encoding="utf-8")
+    assert read_exam(path) is not first
+    (tmp_path / "sort.yaml").unlink()
+    with pytest.raises(SpecError, match="Sort"):
+        read_exam(path)
