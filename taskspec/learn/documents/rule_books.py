@@ -80,9 +80,10 @@ def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str
 
 
 def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
-    """Names, times and sizes of the files in a folder: rules are read again where one of them has changed."""
+    """Names, times and sizes of the files in a folder, and of bibliographies above it: rules are read again when one changes."""
     stamp = []
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+    paths = [*folder.glob("*"), *folder.parent.glob("*.bib")]
+    for path in sorted(paths):
         status = path.lstat()
         stamp.append((path.name, status.st_mtime_ns, status.st_size))
     return tuple(stamp)
