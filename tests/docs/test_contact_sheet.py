@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -26,6 +27,7 @@ FONT = FontProperties(family=FONTS)
 Frame = tuple[float, float, float, float]
 
 
+@cache
 def letters(label: Label) -> Frame:
     """Left, top, right, bottom of the ink of a label, in centimetres."""
     (x, y) = label.at

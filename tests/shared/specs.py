@@ -59,6 +59,11 @@ def specs(*patterns: str) -> list[Path]:
     )
 
 
+def tasks_of(path: Path) -> tuple[Task, ...]:
+    """The tasks of a spec in the repository, as `tasks` has them."""
+    return tasks(str(path.relative_to(ROOT)))
+
+
 @cache
 def tasks(*patterns: str) -> tuple[Task, ...]:
     """The tasks of these specs, each variant, at their defaults; without bases that only their variants complete."""

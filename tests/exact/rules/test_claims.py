@@ -15,18 +15,18 @@ from taskspec.exact.rules.claim_rules import FUNCTIONS, MODELS, RESULTS
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.language import registry, source
 from taskspec.language.task.build import build
-from taskspec.language.task.task import Task
 from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
-from tests.shared.specs import EVERY, tasks
+from tests.shared.specs import EVERY, specs, tasks_of
 
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.mark.parametrize("task", sparse(tasks(*EVERY), 3), ids=lambda t: t.id)
-def test_every_claim_of_every_task_holds(task: Task) -> None:
-    for verdict in verdicts(task):
-        assert verdict.holds, (verdict.claim.text, verdict.detail)
+@pytest.mark.parametrize("path", sparse(specs(*EVERY), 3), ids=lambda path: path.stem)
+def test_every_claim_of_every_task_holds(path: Path) -> None:
+    for task in tasks_of(path):
+        for verdict in verdicts(task):
+            assert verdict.holds, (task.id, verdict.claim.text, verdict.detail)
 
 
 PATH = """
