@@ -105,7 +105,7 @@ def past_the_end(case: Case) -> np.ndarray:
 
 
 def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
-    asked = ["EndInPlace", "Hazard", "SecondThought", "Sizes", "Echo"]
+    asked = ["EndInPlace", "Hazard", "SecondThought", "Sizes", "Patience", "Echo"]
     found = examine(past_the_end, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
     assert [each["name"] for each in found["diagnoses"]] == ["past_ends"]
     again = examine(right, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
