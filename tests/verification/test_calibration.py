@@ -13,7 +13,7 @@ from tests.verification.calibration.exams import Asked, run
 from tests.verification.calibration.learners import RIGHT
 from tests.verification.calibration.wrong import Mistake, mistakes, program
 
-DIAGNOSES = ("lengths", "off_by_one", "one_step", "past_ends", "reversed", "still_explores")
+DIAGNOSES = ("at_random", "lengths", "off_by_one", "one_step", "past_ends", "reversed", "still_explores")
 """Names of diagnoses that say what is wrong in a mistake."""
 
 
@@ -25,7 +25,7 @@ def own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "mistake",
-    [*mistakes("wrong"), *mistakes("unseen"), *mistakes("fresh")],
+    [*mistakes("wrong"), *mistakes("unseen")],
     ids=lambda each: f"{each.learner}-{each.name}",
 )
 def test_every_mistake_is_a_program_that_differs(mistake: Mistake) -> None:

@@ -40,9 +40,7 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument(
-        "--wrong", metavar="FILE", help="wrong learners instead of right ones: `wrong`, `unseen` or `fresh`"
-    )
+    parser.add_argument("--wrong", metavar="FILE", help="wrong learners instead of right ones: `wrong` or `unseen`")
     parser.add_argument("--learner", action="append", help="default: all of them")
     parser.add_argument("--budgets", default="0.1,1,5", help="multiples of the steps of the probes (default: 0.1,1,5)")
     parser.add_argument("--exams", type=int, default=2, help="of each learner with each budget")

@@ -72,7 +72,7 @@ class Tables:
         for score in exam["scores"]:
             task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
             learned = self._learned(task, score["seed"])
-            if learned is not None and score["peek"] is None:
+            if learned is not None and score["peek"] is None and score["error"] is None:
                 terms = ExamTerms(exam["steps"], tuple(exam["learns_from"]), exam["transitions"])
                 now = _fields(load(task), learned, score["seed"], terms)
                 score = {
