@@ -99,6 +99,9 @@ class Scores:
             path: of the file.
             task: the task whose scores they are.
 
+        Returns:
+            The scores, as `scores(task)` gives them.
+
         Raises:
             SpecError: E710, E711 if there is no such file, or it cannot be read; E713 if it contains no scores.
             StaleScores: if they belong to another version of the task.

@@ -82,6 +82,9 @@ def constrained_optimum(task: TaskLike, limits: Sequence[Limit | str]) -> Expect
         task: a task with measures, its id or its path.
         limits: `cost <= 1` and the like.
 
+    Returns:
+        The best expected return, and the expected sums of all measures.
+
     Raises:
         SpecError: E712, where there is no exact model, or no policy keeps the limits; E713, for a measure that there is not.
     """
@@ -95,6 +98,13 @@ def pareto_front(task: TaskLike, measure: str) -> list[Expectations]:
 
     Between two neighbours, the best return is on the line from one to the other. Found by weighing one against the other
     (Y. Aneja and K. Nair, Bicriteria Transportation Problem, Management Science 25, 1979).
+
+    Args:
+        task: a task with measures, its id or its path.
+        measure: a name of one.
+
+    Returns:
+        The corners, by the expectation of the measure, the least first.
 
     Raises:
         SpecError: as for `constrained_optimum`.

@@ -196,7 +196,10 @@ class Preferences:
         return self.segments.trajectories
 
     def imitation(self) -> Any:
-        """Return the pairs as imitation's `PreferenceDataset`.
+        """Return the pairs for the library imitation.
+
+        Returns:
+            A `PreferenceDataset`, which holds all pairs.
 
         Raises:
             SpecError: E705 where imitation is not installed.

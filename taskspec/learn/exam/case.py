@@ -164,7 +164,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def learns_from(*sources: Source) -> Callable[[F], F]:
-    """Grant a learner what it is entitled to, as a decorator of `train`: some of "reward", "demonstrations" and "preferences"."""
+    """Grant a learner what it is entitled to, as a decorator of `train`.
+
+    Args:
+        *sources: some of "reward", "demonstrations" and "preferences".
+
+    Returns:
+        The decorator.
+    """
 
     def mark(train: F) -> F:
         train.learns_from = sources  # type: ignore[attr-defined]

@@ -113,6 +113,9 @@ def examine(
         announce: called with a line about how long it will take, once two seeds have been trained on every task; for a learner
             in other processes of this machine.
 
+    Returns:
+        Tasks, scores of each run, flags and diagnoses.
+
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
         Interrupted: Ctrl-C; what is done is kept.

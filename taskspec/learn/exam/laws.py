@@ -87,6 +87,9 @@ def obeys(*laws: str) -> Callable[[F], F]:
     Args:
         *laws: names of `LAWS`.
 
+    Returns:
+        The decorator.
+
     Raises:
         ValueError: there is no such law.
     """

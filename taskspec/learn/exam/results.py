@@ -201,6 +201,12 @@ def exams_below(folder: Path) -> list[Path]:
 def read(folder: Path | str) -> Exam:
     """Return the results of an exam in a folder, or one that comes with a suite, such as `derail/bc`.
 
+    Args:
+        folder: of the exam; or its suite and name.
+
+    Returns:
+        The content of its `exam.json`.
+
     Raises:
         SpecError: E710, E711 when there is nothing, or it cannot be read; E721 when it is something else.
     """

@@ -58,6 +58,9 @@ def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
             (N, *shape), actions (N, ...) and next observations (N, *shape) that gives rewards (N,). It is not called for steps
             after the end of an episode.
 
+    Returns:
+        Their STARC distance, 0 to 1, and the return that is lost by optimising the learned one.
+
     Raises:
         SpecError: E712 where there is no exact model, or one that is an abstraction, or where observations are no function of the
             state, or there is neither a horizon nor a discount; E713 for what is no reward.

@@ -130,6 +130,9 @@ def examine_all(
         running: how many processes, time limits, a cluster.
         terms: `seeds`, `steps`, `transitions`, `twins`, `peeks` in place of those of the file.
 
+    Returns:
+        The exams by learner, with the instances that they asked.
+
     Raises:
         SpecError: with every mistake in the experiment; E713 where it names no learner.
     """

@@ -61,7 +61,13 @@ def learner_place(folder: Path, learner: str) -> str:
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:
-    """Return an experiment, by the path of its file, or as `suite/name` one that comes with a suite.
+    """Return an experiment.
+
+    Args:
+        source: the path of its file, or `suite/name` of one that comes with a suite.
+
+    Returns:
+        The file with its entries checked for their shape; instances are not yet known.
 
     Raises:
         SpecError: E710 when there is none, or with every mistake in its shape where too little of it is right.

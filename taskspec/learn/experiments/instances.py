@@ -108,7 +108,10 @@ class Instance:
         return ids.parse(self.id).name
 
     def load(self) -> Task:
-        """Return the task itself.
+        """Load the task.
+
+        Returns:
+            It, with the parameters of the instance.
 
         Raises:
             SpecError: with every mistake in it.
@@ -132,7 +135,10 @@ class Expanded:
         raise_if_errors(self.diagnostics)
 
     def tasks(self) -> tuple[Task, ...]:
-        """Return the task of every instance, in order.
+        """Load the task of every instance.
+
+        Returns:
+            The tasks, in the order of the instances.
 
         Raises:
             SpecError: with all that is wrong with the experiment, or with instances of it.
@@ -145,8 +151,13 @@ class Expanded:
 def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
     """Return every instance once, in the order of the file; the last parameter of an entry changes fastest.
 
-    `instead` are settings of parameters, each a combination of values that takes the place of those in the file, for the tasks
-    that have the parameters.
+    Args:
+        written: the experiment.
+        instead: settings of parameters, each a combination of values that takes the place of those in the file, for the tasks
+            that have the parameters.
+
+    Returns:
+        The instances, and what is wrong with them.
     """
     collector = Collector()
     collector.extend(written.problems)

@@ -285,6 +285,9 @@ def sweep(
         expanded: the instances, where they are known already.
         running: how many processes, time limits, a cluster.
 
+    Returns:
+        An entry for each instance, in the order of the experiment; those that failed say why.
+
     Raises:
         SpecError: with every mistake in the experiment; E705 without an extra.
     """

@@ -153,6 +153,9 @@ def drawing(task: TaskLike, overlays: Iterable[str] = ()) -> ShownFigure:
         task: what to draw.
         overlays: names of `OVERLAYS`.
 
+    Returns:
+        The figure, which notebooks display; its `svg` is None if none can be drawn.
+
     Raises:
         SpecError: E713 for an unknown overlay, or one that needs an exact model.
     """

@@ -33,6 +33,9 @@ def explore(task: TaskLike, seed: int = 0) -> Explorer:
         task: what to show.
         seed: of the episode.
 
+    Returns:
+        The widget, for the last line of a cell.
+
     Raises:
         SpecError: E705 without the extra `notebook`; any mistake in the spec.
     """

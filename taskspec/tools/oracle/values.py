@@ -92,7 +92,11 @@ class PolicyEvaluation:
         return Seen(self.model)
 
     def by_observation(self) -> ObservedValues:
-        """Return the values by time and observation; row o of a discrete observation is the number o, counted from the least.
+        """Return the values by time and observation.
+
+        Returns:
+            Means over the states that look alike, weighted by occupancy; row o of a discrete observation is the number o, counted
+            from the least.
 
         Raises:
             SpecError: E712 where observations are drawn.
