@@ -143,9 +143,12 @@ def reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: 
 
 @lru_cache(maxsize=64)
 def greedy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
-    """Return the ways of learners that act greedily, with several shares of random actions, by operator."""
+    """Return the ways of learners that act greedily, with several shares of random actions, by operator.
+
+    Those of mistakes are the ones that end soonest: all states that are visited change alike.
+    """
     dynamics = replace(dynamics_of(task, gamma), initial=initial)
-    return {name: _explored(dynamics, operator) for name, operator in _operators("q").items()}
+    return {name: _explored(dynamics, operator, name in GOOD) for name, operator in _operators("q").items()}
 
 
 @lru_cache(maxsize=64)
@@ -155,12 +158,15 @@ def on_policy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, 
     ways = {}
     for name, operator in _operators("q").items():
         if name not in GOOD and operator.reduce is None:
-            ways[name] = _explored(dynamics, replace(operator, reduce=OPERATORS["on policy"].reduce))
+            ways[name] = _explored(dynamics, replace(operator, reduce=OPERATORS["on policy"].reduce), by_visits=False)
     return ways
 
 
-def _explored(dynamics: Dynamics, operator: BellmanOperator) -> list[Way]:
-    return [way(dynamics, operator, EpsilonGreedy(share), is_critic=False, by_visits=True) for share in EXPLORATIONS]
+def _explored(dynamics: Dynamics, operator: BellmanOperator, by_visits: bool) -> list[Way]:
+    ways = []
+    for share in EXPLORATIONS:
+        ways.append(way(dynamics, operator, EpsilonGreedy(share), is_critic=False, by_visits=by_visits))
+    return ways
 
 
 def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
