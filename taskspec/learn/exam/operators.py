@@ -10,7 +10,7 @@ explains is counted without these.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -111,12 +111,7 @@ def _stale_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 
 def _until_limit(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the mean return until the limit after each step, in the mean over the times at which a state is visited."""
-    if s.model.horizon is None:
-        return s.R + s.gamma * s.following(V)
-    summed = np.zeros_like(Q)
-    for _, visits, returns in _returns(s, acts):
-        summed += visits * returns
-    return _per_visit(s, summed, acts.total)
+    return _mean_returns(s, acts, V, 1.0)
 
 
 def _mask_early(s: Dynamics, acts: Behaviour, V: Array) -> Array:
@@ -132,34 +127,31 @@ def _limit_twice(s: Dynamics, acts: Behaviour, V: Array) -> Array:
     return (1 + acts.last) * s.following(V)
 
 
-def _whole_return(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
-    """Return the mean return of the episodes in which each step is taken, from their first step to their last."""
-    if s.model.horizon is None:
-        return s.R + s.gamma * s.following(V)
-    earlier = acts.so_far(s.gamma)
-    summed = np.zeros_like(Q) + earlier.sum(axis=0)
-    for t, visits, returns in _returns(s, acts):
-        summed += s.gamma**t * visits * returns
-    return _per_visit(s, summed, acts.total)
-
-
 def _from_the_start(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the mean return after each step, discounted from the first step of the episode on."""
+    return _mean_returns(s, acts, V, s.gamma)
+
+
+def _whole_return(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the mean return of the episodes in which each step is taken, from their first step to their last."""
+    later = _mean_returns(s, acts, V, s.gamma)
+    if s.model.horizon is None:
+        return later
+    earlier = acts.so_far(s.gamma).sum(axis=0)
+    return later + np.divide(earlier, acts.total, out=np.zeros_like(earlier), where=acts.total > 0)
+
+
+def _mean_returns(s: Dynamics, acts: Behaviour, V: Array, factor: float) -> Array:
+    """Return the mean (A, S) of returns until the limit, times factor**t at time t; right targets without a limit."""
     if s.model.horizon is None:
         return s.R + s.gamma * s.following(V)
-    summed = np.zeros_like(Q)
-    for t, visits, returns in _returns(s, acts):
-        summed += s.gamma**t * visits * returns
-    return _per_visit(s, summed, acts.total)
-
-
-def _returns(s: Dynamics, acts: Behaviour) -> Iterator[tuple[int, Array, Array]]:
-    """Yield each time, from the last one on, the visits (S,) at it, and the returns (A, S) from it until the limit."""
-    left = np.zeros(s.model.n_states)
+    summed = np.zeros_like(s.R)
+    left = np.zeros_like(V)
     for t in reversed(range(len(acts.counts))):
         returns = s.R + s.gamma * s.expected(s.P, left)
-        yield t, acts.counts[t], returns
+        summed += factor**t * acts.counts[t] * returns
         left = acts.expected(returns)
+    return _per_visit(s, summed, acts.total)
 
 
 def _per_visit(s: Dynamics, summed: Array, visits: Array) -> Array:
@@ -221,9 +213,11 @@ def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 
 def _grows(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
     values = learned[..., s.acted]
-    right = rights[0]
     beyond = int((np.abs(values) > BEYOND * max(s.most, abs(s.initial))).sum())
-    if beyond == 0 or _is_multiple(values, right[..., s.acted]):
+    if beyond == 0:
+        return None
+    _, rest = _multiple(values, rights[0][..., s.acted])
+    if rest <= APART:
         return None
     return Fit(0.0, beyond)
 
@@ -233,26 +227,25 @@ def _scaled(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
     fits = []
     for right in rights:
         shown = right[..., s.acted]
-        squared = float((shown**2).sum())
-        if squared == 0:
-            continue
         values = learned[..., s.acted]
-        scale = float((values * shown).sum()) / squared
+        scale, rest = _multiple(values, shown)
         spread = float(shown.std())
         if scale > 0 and abs(np.log(scale)) > np.log(SCALED) and spread > 0:
-            apart = float(np.sqrt(((values / scale - shown) ** 2).mean())) / spread
+            apart = rest * float(np.sqrt(((values / scale) ** 2).mean())) / spread
             fits.append(Fit(min(1.0, apart), shown.size))
     return min(fits, default=None)
 
 
-def _is_multiple(learned: Array, right: Array) -> bool:
-    """Return whether learned values are a multiple of right ones: those of rewards in another unit."""
-    shape = learned / np.abs(learned).max()
-    squared = (right**2).sum()
-    if squared == 0:
-        return False
-    rest = shape - (shape * right).sum() / squared * right
-    return bool((rest**2).sum() <= APART**2 * (shape**2).sum())
+def _multiple(values: Array, right: Array) -> tuple[float, float]:
+    """Return the factor by which right values are nearest to others, and the difference as a share of the size of these."""
+    largest = float(np.abs(values).max())
+    squared = float((right**2).sum())
+    if squared == 0 or largest == 0:
+        return 0.0, 1.0
+    shape = values / largest
+    factor = float((shape * right).sum()) / squared
+    rest = float(((shape - factor * right) ** 2).sum() / (shape**2).sum())
+    return factor * largest, float(np.sqrt(rest))
 
 
 def _one_pair(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
