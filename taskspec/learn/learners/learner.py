@@ -14,15 +14,15 @@ from pydantic import TypeAdapter, ValidationError
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.language.source import Document, read_file
 from taskspec.language.source import Path as Place
-from taskspec.learn.learners.table import BUILT_IN, Learner
+from taskspec.learn.learners.built_in import BUILT_IN, Learner
 
 FAMILIES = {
     "corrected": "the mistakes of the published code corrected",
     "paper": "the code that the figures of the paper come from",
     "released": "the code as it was published in the end, its mistakes included",
 }
-"""Families of settings. `paper` is the settings of `table.py`; the files in `families` say how the others differ from it."""
-_FOLDER = Path(__file__).parent / "families"
+"""Families of settings: `paper` in `paper_settings.py`; how the others differ from it, in `corrected_settings.yaml` and so on."""
+_FOLDER = Path(__file__).parent
 _KEYS = ("learner", "family", "settings")
 
 
@@ -72,7 +72,7 @@ def _in_family(entry: Learner, family: str) -> Learner:
         raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
     settings = entry.settings
     if family != "paper":
-        document = read_file(_FOLDER / f"{family}.yaml")
+        document = read_file(_FOLDER / f"{family}_settings.yaml")
         for i, rule in enumerate(document.data):
             if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
                 settings = changed(settings, document, (i, "settings"))

@@ -21,7 +21,7 @@ from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.data.tabular import LookAlike, Tabular, tabular
 from taskspec.learn.learners.interface import CannotLearn, LearnerCase
-from taskspec.learn.learners.table import Matching
+from taskspec.learn.learners.paper_settings import Matching
 
 REPORT_EVERY = 5000
 """Iterations between reports of progress."""

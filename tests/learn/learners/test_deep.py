@@ -14,7 +14,7 @@ from taskspec.data import demonstrations
 from taskspec.exact import score
 from taskspec.learn.learners import learner
 from taskspec.learn.learners.interface import Vectors
-from taskspec.learn.learners.table import Ppo
+from taskspec.learn.learners.paper_settings import Ppo
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")

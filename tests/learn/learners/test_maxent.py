@@ -15,7 +15,7 @@ from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import score
 from taskspec.learn.learners import learner
 from taskspec.learn.learners.maxent import expected_visits, soft_policy, visits
-from taskspec.learn.learners.table import Matching
+from taskspec.learn.learners.paper_settings import Matching
 from tests.shared.cases import Granted
 
 BANDIT = """

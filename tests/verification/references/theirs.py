@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.exam import Case, learns_from
 from taskspec.learn.learners import learner
-from taskspec.learn.learners.table import Adversarial, Cloning, Ppo
+from taskspec.learn.learners.paper_settings import Adversarial, Cloning, Ppo
 
 SETTINGS = Path(__file__).parent / "settings"
 T = TypeVar("T")

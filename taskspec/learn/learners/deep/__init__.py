@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from taskspec.base.extras import need
-from taskspec.learn.learners.table import PACKAGES
+from taskspec.learn.learners.built_in import PACKAGES
 
 for _package in PACKAGES:
     need(_package, "learners", "a learner")

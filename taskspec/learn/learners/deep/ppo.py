@@ -11,7 +11,7 @@ import optax
 from taskspec.base.arrays import AnyArray
 from taskspec.learn.learners.deep.nets import Net, forward, gradient_step, net, orthogonal, shuffled
 from taskspec.learn.learners.deep.world import Act, RolloutState, StepBatch, World, in_complete_episode, round_length
-from taskspec.learn.learners.table import Ppo
+from taskspec.learn.learners.paper_settings import Ppo
 
 
 def critic_observations(world: World, steps: StepBatch, walk: RolloutState, sees_time: bool) -> AnyArray:

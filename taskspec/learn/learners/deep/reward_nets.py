@@ -14,7 +14,7 @@ from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.learners.deep.nets import Net, fan_in, forward, gradient_step, net, xavier
 from taskspec.learn.learners.deep.world import StepBatch, World
 from taskspec.learn.learners.interface import LearnedReward
-from taskspec.learn.learners.table import Novelty, Reward
+from taskspec.learn.learners.paper_settings import Novelty, Reward
 
 INITIALISERS = {"xavier": xavier, "fan in": fan_in}
 

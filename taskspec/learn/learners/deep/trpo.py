@@ -22,7 +22,7 @@ from taskspec.learn.learners.deep.ppo import (
     standardise,
 )
 from taskspec.learn.learners.deep.world import RolloutState, StepBatch, World, in_complete_episode, round_length
-from taskspec.learn.learners.table import Trpo
+from taskspec.learn.learners.paper_settings import Trpo
 
 Product = Callable[[AnyArray], AnyArray]
 """A symmetric matrix times a vector."""

@@ -16,7 +16,7 @@ from taskspec.language.modifiers import modify
 from taskspec.language.task.task import Task
 from taskspec.learn.learners.deep.nets import ActionHead
 from taskspec.learn.learners.interface import CannotLearn, LearnerCase, Vectors
-from taskspec.learn.learners.table import Experience
+from taskspec.learn.learners.paper_settings import Experience
 from taskspec.programs.jax import State, compile_jax
 from taskspec.programs.jax.program import acted, observed
 

@@ -20,7 +20,7 @@ jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
 jnp = jax.numpy
 
-from taskspec.learn.learners.deep import groups  # noqa: E402
+from taskspec.learn.learners.deep import rloo_grpo_dpo  # noqa: E402
 from taskspec.learn.learners.deep.ppo import init_actor  # noqa: E402
 from taskspec.learn.learners.deep.world import World  # noqa: E402
 
@@ -29,19 +29,21 @@ AVERAGES: dict[str, Any] = {"episode": "sequence", "step": "token", "sum": 1}
 
 
 @cache
-def played(number: int) -> tuple[World, Any, Any, groups.GroupEpisodes]:
+def played(number: int) -> tuple[World, Any, Any, rloo_grpo_dpo.GroupEpisodes]:
     """Two policies, and episodes of the first in pairs."""
     world = World.of(taskspec.load(TASK), absorb=False)
     first, second, begin, noise = jax.random.split(jax.random.key(3), 4)
     actor, other = (init_actor(key, world, (8,)) for key in (first, second))
     louder = other._replace(net=jax.tree.map(lambda x: 3 * x, other.net))
-    play = jax.jit(lambda actor: groups.play(world, actor, groups.begin_groups(world, begin, number, 2), noise))
+    play = jax.jit(
+        lambda actor: rloo_grpo_dpo.play(world, actor, rloo_grpo_dpo.begin_groups(world, begin, number, 2), noise)
+    )
     return world, actor, louder, play(actor)
 
 
 def test_a_group_begins_in_one_state_and_goes_on_by_chance() -> None:
     world = World.of(taskspec.load("derail/NoisyObs-v0"), absorb=False)
-    walk = jax.jit(lambda key: groups.begin_groups(world, key, 5, 4))(jax.random.key(0))
+    walk = jax.jit(lambda key: rloo_grpo_dpo.begin_groups(world, key, 5, 4))(jax.random.key(0))
     seen = np.asarray(walk.seen).reshape(5, 4, -1)
     assert (seen == seen[:, :1]).all()
     assert len(np.unique(np.asarray(walk.state.key), axis=1).T) == 20
@@ -57,13 +59,13 @@ def test_episodes_are_over_at_their_ends() -> None:
 
 @pytest.mark.parametrize("name", ["rloo", "grpo"])
 def test_advantages_are_those_of_the_oracle(name: str) -> None:
-    update = groups.GroupUpdate(learner(f"paper/{name}").settings, World.of(taskspec.load(TASK), absorb=False))
+    update = rloo_grpo_dpo.GroupUpdate(learner(f"paper/{name}").settings, World.of(taskspec.load(TASK), absorb=False))
     gained = np.random.default_rng(0).normal(size=(4, 8))
     gained[1] = 2.0
     if name == "rloo":
         expected = oracle.rloo(gained)
     else:
-        expected = oracle.grpo(gained, ddof=1, epsilon=groups.SMALL)
+        expected = oracle.grpo(gained, ddof=1, epsilon=rloo_grpo_dpo.SMALL)
     actual = np.asarray(update.advantages(jnp.array(gained.reshape(-1)))).reshape(4, 8)
     assert np.allclose(actual, expected, atol=1e-4)
     assert not actual[1].any()
@@ -73,8 +75,8 @@ def test_advantages_are_those_of_the_oracle(name: str) -> None:
 def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
     world, actor, other, episodes = played(6)
     config = replace(learner("paper/grpo").settings, average=average, kl=0.3)
-    update = groups.GroupUpdate(config, world)
-    log_probs, reference = (groups.log_probs(world, each, episodes) for each in (actor, other))
+    update = rloo_grpo_dpo.GroupUpdate(config, world)
+    log_probs, reference = (rloo_grpo_dpo.log_probs(world, each, episodes) for each in (actor, other))
     advantages = jnp.linspace(-1, 2, 12)
     old = log_probs + jnp.linspace(-0.5, 0.5, 12)
     actual = jax.jit(update.loss)(actor, episodes, old, reference, advantages)
@@ -88,12 +90,12 @@ def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
 
 def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
     world, actor, other, episodes = played(6)
-    update = groups.DirectUpdate(learner("dpo").settings, world, world)
-    reference = groups.log_probs(world, other, episodes)
+    update = rloo_grpo_dpo.DirectUpdate(learner("dpo").settings, world, world)
+    reference = rloo_grpo_dpo.log_probs(world, other, episodes)
     actual = jax.jit(update.loss)(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
     now, before = (
         np.asarray((each * episodes.live).sum(0), np.float64).reshape(-1, 2)
-        for each in (groups.log_probs(world, actor, episodes), reference)
+        for each in (rloo_grpo_dpo.log_probs(world, actor, episodes), reference)
     )
     chosen = np.array([0, 1] * 3)
     pick = lambda table, column: table[np.arange(6), column]  # noqa: E731

@@ -1,16 +1,12 @@
-"""The table of learners: their settings, with the defaults of the published algorithms, and one entry each.
+"""Settings of learners. Defaults, and the values at the end of this file, are those of the family `paper`.
 
-Neither JAX nor SciPy is imported here: an entry names its trainer.
+`corrected_settings.yaml` and `released_settings.yaml` say how the other families differ.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from importlib import import_module
-from typing import Any, ClassVar, Literal
-
-from taskspec.base.extras import install, is_installed, missing
-from taskspec.learn.learners.interface import LearnerCase
+from dataclasses import dataclass, replace
+from typing import Literal
 
 Activation = Literal["relu", "tanh"]
 
@@ -271,111 +267,26 @@ class Matching:
     absorb: bool = True
 
 
-# -- entries ------------------------------------------------------------------------------------------------------
+# -- the learners of the paper ------------------------------------------------------------------------------------
 
-PACKAGES = ("jax", "optax")
-"""The packages of learners with nets."""
-
-
-@dataclass(frozen=True)
-class Learner:
-    """A learner of the package: `learner(case)` gives a policy for each of `case.seeds`, all of them trained together.
-
-    Attributes:
-        name: its name in the table.
-        family: whose settings it has; those of the table are of the family `paper`.
-        settings: a frozen dataclass; families and files change its fields.
-        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
-        trainer: `module:function`, called with settings and a `LearnerCase`.
-        summary: what it is, in a phrase.
-    """
-
-    name: str
-    family: str
-    settings: Any
-    learns_from: tuple[str, ...]
-    trainer: str
-    summary: str = field(repr=False)
-    together: ClassVar[bool] = True
-
-    def require_packages(self) -> None:
-        """Check that its packages are installed, without importing them.
-
-        Raises:
-            SpecError: E705 for the first that is not.
-        """
-        if ".deep." in self.trainer:
-            for package in PACKAGES:
-                if not is_installed(package):
-                    raise missing(package, install("learners"), "a learner")
-
-    def __call__(self, case: LearnerCase) -> list[Any]:
-        """Train.
-
-        Raises:
-            SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn.
-        """
-        module, _, function = self.trainer.partition(":")
-        return getattr(import_module(module), function)(self.settings, case)
-
-
-_FU = Trpo(
+FU = Trpo(
     Experience(lanes=2, steps=100, whole=True), hidden=(32, 32), weights="xavier", gae_lambda=1.0, accepted_kl=0.01, strict=True,
     halvings=15, shrink=0.8, damping=1e-5, fisher_every=1, critic="ridge",
 )  # fmt: skip
-_GAIL_IM = Adversarial(budget_factor=0.64)
-_GAIL_SB = Adversarial(
+GAIL_IM = Adversarial(budget_factor=0.64)
+GAIL_SB = Adversarial(
     Trpo(), Reward(hidden=(100, 100), activation="tanh", standardised=True, learning_rate=3e-4),
     updates=1, batch=0, every=3, kept=0, entropy=1e-3, budget_factor=3.0,
 )  # fmt: skip
-_GAIL_FU = Adversarial(_FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
-_AIRL_SA = replace(
-    _GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
+GAIL_FU = Adversarial(FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
+AIRL_SA = replace(
+    GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
 )
-_AIRL_SO = replace(_AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
-_AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
-_DRLHP_SA = Comparing(budget_factor=0.64)
-_DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
-
-_RLOO = Grouped(baseline="others", standardised=False, average="sum", kl=0.05, kl_in="return")
-
-_REWARD = ("reward",)
-_SHOWN = ("demonstrations",)
-_COMPARED = ("preferences",)
-_PPO = "taskspec.learn.learners.deep.policy_training:train_ppo"
-_BC = "taskspec.learn.learners.deep.policy_training:train_bc"
-_ADVERSARIAL = "taskspec.learn.learners.deep.adversarial:train_adversarial"
-_PREFERENCES = "taskspec.learn.learners.deep.comparisons:train_from_preferences"
-_GROUPED = "taskspec.learn.learners.deep.groups:train_grouped"
-_DIRECT = "taskspec.learn.learners.deep.groups:train_direct"
-_MAXENT = "taskspec.learn.learners.maxent:train_maxent"
-
-BUILT_IN: dict[str, Learner] = {
-    entry.name: entry
-    for entry in (
-        Learner("ppo", "paper", Ppo(), _REWARD, _PPO, "proximal policy optimisation on the true reward"),
-        Learner("bc", "paper", Cloning(), _SHOWN, _BC, "behavioural cloning"),
-        Learner("gail_im", "paper", _GAIL_IM, _SHOWN, _ADVERSARIAL, "GAIL with PPO and reward -log(1 - D) >= 0"),
-        Learner("gail_sb", "paper", _GAIL_SB, _SHOWN, _ADVERSARIAL, "GAIL with TRPO and reward -log(1 - D) >= 0"),
-        Learner("gail_fu", "paper", _GAIL_FU, _SHOWN, _ADVERSARIAL, "GAIL with TRPO and reward log D <= 0"),
-        Learner("airl_im_sa", "paper", _AIRL_SA, _SHOWN, _ADVERSARIAL, "AIRL with PPO and a reward of state and action"),
-        Learner("airl_im_so", "paper", _AIRL_SO, _SHOWN, _ADVERSARIAL, "AIRL with PPO and a reward of the state"),
-        Learner("airl_fu", "paper", _AIRL_FU, _SHOWN, _ADVERSARIAL, "AIRL with TRPO"),
-        Learner("drlhp_sa", "paper", _DRLHP_SA, _COMPARED, _PREFERENCES, "DRLHP with PPO and a reward of state and action"),
-        Learner("drlhp_so", "paper", _DRLHP_SO, _COMPARED, _PREFERENCES, "DRLHP with PPO and a reward of the state"),
-        Learner("drlhp_slow", "paper", replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4)), _COMPARED, _PREFERENCES,
-              "drlhp_sa with a low learning rate of the policy"),
-        Learner("drlhp_eps", "paper", replace(_DRLHP_SA, random=0.1), _COMPARED, _PREFERENCES,
-              "drlhp_sa with some random actions in the episodes that are compared"),
-        Learner("drlhp_rnd", "paper", replace(_DRLHP_SA, novelty=Novelty()), _COMPARED, _PREFERENCES,
-              "drlhp_sa with a bonus for novelty"),
-        Learner("rloo", "paper", _RLOO, _REWARD, _GROUPED, "REINFORCE with the mean of the other episodes as baseline"),
-        Learner("grpo", "paper", Grouped(), _REWARD, _GROUPED, "policy gradients standardised within groups of episodes"),
-        Learner("dpo", "paper", Direct(), _COMPARED, _DIRECT, "direct preference optimisation, without a reward in between"),
-        Learner("maxent", "paper", Matching(causal=False), _SHOWN, _MAXENT,
-              "maximum-entropy inverse reinforcement learning on the exact model"),
-        Learner("mce", "paper", Matching(), _SHOWN, _MAXENT,
-              "the causal version, which does not assume that it can choose random outcomes"),
-    )
-}  # fmt: skip
-"""Every learner by its name."""
+AIRL_SO = replace(AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+AIRL_FU = replace(GAIL_FU, policy=replace(FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
+DRLHP_SA = Comparing(budget_factor=0.64)
+DRLHP_SO = replace(DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+DRLHP_SLOW = replace(DRLHP_SA, policy=Ppo(learning_rate=1e-4))
+DRLHP_EPS = replace(DRLHP_SA, random=0.1)
+DRLHP_RND = replace(DRLHP_SA, novelty=Novelty())
+RLOO = Grouped(baseline="others", standardised=False, average="sum", kl=0.05, kl_in="return")

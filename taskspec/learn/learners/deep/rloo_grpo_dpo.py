@@ -27,7 +27,7 @@ from taskspec.learn.learners.deep.world import (
     train_seeds,
 )
 from taskspec.learn.learners.interface import LearnerCase, NetPolicy
-from taskspec.learn.learners.table import Direct, Grouped
+from taskspec.learn.learners.paper_settings import Direct, Grouped
 
 SMALL = 1e-4
 """Added to the deviation of a group: a group whose returns are all equal has advantages of 0."""

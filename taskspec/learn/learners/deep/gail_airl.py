@@ -30,7 +30,7 @@ from taskspec.learn.learners.deep.reward_nets import (
 )
 from taskspec.learn.learners.deep.world import Schedule, StepBatch, World, in_complete_episode, seed_slice, train_seeds
 from taskspec.learn.learners.interface import LearnerCase, NetPolicy
-from taskspec.learn.learners.table import Adversarial
+from taskspec.learn.learners.paper_settings import Adversarial
 
 
 class AdversarialState(NamedTuple):

@@ -14,14 +14,14 @@ import taskspec
 from taskspec.data import demonstrations
 from taskspec.exact import score
 from taskspec.learn.learners import learner
-from taskspec.learn.learners.table import Adversarial, Experience, Ppo, Reward, Trpo
+from taskspec.learn.learners.paper_settings import Adversarial, Experience, Ppo, Reward, Trpo
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
 jnp = jax.numpy
 
-from taskspec.learn.learners.deep.adversarial import Discriminator  # noqa: E402
+from taskspec.learn.learners.deep.gail_airl import Discriminator  # noqa: E402
 from taskspec.learn.learners.deep.ppo import sampler  # noqa: E402
 from taskspec.learn.learners.deep.reward_nets import RewardInputs, RewardModel, demonstration_inputs, reward_inputs  # noqa: E402
 from taskspec.learn.learners.deep.trpo import TrpoUpdate, objective, ridge_regression  # noqa: E402

@@ -37,7 +37,7 @@ from taskspec.learn.learners.deep.world import (
     train_seeds,
 )
 from taskspec.learn.learners.interface import LearnerCase, NetPolicy
-from taskspec.learn.learners.table import Comparing
+from taskspec.learn.learners.paper_settings import Comparing
 
 
 class Pairs(NamedTuple):

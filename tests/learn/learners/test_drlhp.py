@@ -12,14 +12,14 @@ import pytest
 import taskspec
 from taskspec.exact import score
 from taskspec.learn.learners import learner
-from taskspec.learn.learners.table import Comparing, Experience, Novelty, Ppo, Reward
+from taskspec.learn.learners.paper_settings import Comparing, Experience, Novelty, Ppo, Reward
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
 jnp = jax.numpy
 
-from taskspec.learn.learners.deep.comparisons import PreferenceRound  # noqa: E402
+from taskspec.learn.learners.deep.drlhp import PreferenceRound  # noqa: E402
 from taskspec.learn.learners.deep.policy_training import init_policy_state  # noqa: E402
 from taskspec.learn.learners.deep.ppo import PpoUpdate  # noqa: E402
 from taskspec.learn.learners.deep.reward_nets import NoveltyBonus, reward_inputs  # noqa: E402
