@@ -326,10 +326,19 @@ def _check_argument(
 # -- subscripts ---------------------------------------------------------------------------------------------------
 
 
-def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
-    """`x[i]`, `x[i, j]`, `x[a:b]`, `x[:, j]`: constant indices are checked, others are brought into range."""
+def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope, want: Domain | None) -> Value:
+    """`x[i]`, `x[i, j]`, `x[a:b]`, `x[:, j]`: constant indices are checked, others are brought into range.
+
+    Elements of a vector of labels are labels where these are wanted, else numbers.
+    """
+    vector = checker.value(expr.value, scope)
+    if vector.domain is not None and vector.domain == want and vector.node.type.shape:
+        return Value(_elements(checker, vector.node, expr, scope), want)
+    return Value(_elements(checker, checker.number_of(vector), expr, scope))
+
+
+def _elements(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
     b = checker.builder
-    node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
         what = f"a vector of {len(node.type.shape)} axis"
         if node.type.is_scalar:

@@ -7,6 +7,7 @@ and only what needs the value of a broken part is given up.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial, reduce
 from typing import assert_never
 
@@ -85,11 +86,13 @@ class Checker(BaseChecker):
             case s.Call():
                 return calls.call(self, expr, scope, want)
             case s.Subscript():
-                return Value(calls.subscript(self, expr, scope))
+                return calls.subscript(self, expr, scope, want)
             case s.Vector(items=items):
-                return Value(self.stack(self.numerics(items, scope), expr))
-            case s.Comprehension(is_set=False):
-                return Value(self.stack(sets.unroll(self, expr, scope), expr))
+                values = self.each(self._element, [(item, want, scope) for item in items])
+                return self._vector(values, items, expr, want)
+            case s.Comprehension(is_set=False, element=element):
+                values = sets.unroll(self, expr, scope, partial(self._element, element, want))
+                return self._vector(values, [element] * len(values), expr, want)
             case s.Weights():
                 return alternatives.weighted(self, expr, scope, want)
             case s.Table():
@@ -99,6 +102,17 @@ class Checker(BaseChecker):
                 self.fail("E306", expr, "a set is not a value", hint)
             case _:
                 assert_never(expr)
+
+    # -- vectors: of labels where these are wanted, else of numbers -------------------------------------------------
+
+    def _element(self, expr: s.Expr, want: Domain | None, scope: Scope) -> Value:
+        if want is None:
+            return Value(self.numeric(expr, scope))
+        return self.value(expr, scope, want)
+
+    def _vector(self, elements: Sequence[Value], exprs: Sequence[s.Expr], whole: s.Expr, want: Domain | None) -> Value:
+        nodes, domain = alternatives.unify(self, elements, exprs, want)
+        return Value(self.stack(nodes, whole), domain)
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial, reduce
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from taskspec.language.expressions.scope import BaseChecker, Poisoned, Scope, Va
 from taskspec.language.expressions.types import INT_WIDEST, Domain, Kind, Role, Type
 
 _ENUMERATED = "a set is enumerated before the task runs; it may use parameters and constants only"
+T = TypeVar("T")
 MOST_AXES = 32  # as many as arrays may have
 Wants = Mapping[str, Domain | None]
 _NONE: Wants = MappingProxyType({})
@@ -98,15 +99,14 @@ def _member_of_values(checker: BaseChecker, value: Value, left: s.Expr, right: s
 
 
 def unroll(
-    checker: BaseChecker, expr: s.Comprehension, scope: Scope, make: Callable[[Scope], Node] | None = None, wants: Wants = _NONE
-) -> list[Node]:  # fmt: skip
-    """Write out `[e for x in range(n) for y in range(m)]`, one node an element; the element may depend on the state.
+    checker: BaseChecker, expr: s.Comprehension, scope: Scope, element: Callable[[Scope], T], wants: Wants = _NONE
+) -> list[T]:
+    """Write out `[e for x in range(n) for y in range(m)]`, one result for each element, which may depend on the state.
 
-    `make` gives the element, in a scope of its own; `wants` are the domains of variables.
+    `element` makes it, in a scope of its own; `wants` are the domains of variables.
     """
-    element = make or partial(checker.numeric, expr.element)
 
-    def over(clauses: tuple[s.Clause, ...], scope: Scope) -> list[Node]:
+    def over(clauses: tuple[s.Clause, ...], scope: Scope) -> list[T]:
         if not clauses:
             return [element(scope)]
         clause = clauses[0]
@@ -116,13 +116,13 @@ def unroll(
         points = _candidates(checker, clause, scope, want)
         _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
         checker.expand(expr, len(points.rows))
-        nodes = []
+        results = []
         with checker.repeated(max(1, len(points.rows))):
             for row in points.rows:
                 inner = scope.child(_bind(checker, clause, row, points.domain, expr))
                 if all(_holds(checker, c, inner) for c in clause.conditions):
-                    nodes += over(clauses[1:], inner)
-        return nodes
+                    results += over(clauses[1:], inner)
+        return results
 
     elements = over(expr.clauses, scope)
     _check_few(checker, "unrolled", len(elements), expr, "elements to write out")

@@ -143,3 +143,42 @@ def test_labels_of_one_name_in_two_choices_are_not_compared_by_position() -> Non
     env = ReferenceEnv(chosen)
     env.reset(seed=0)
     assert [env.step(a)[1] for a in (0, 1, 2)] == [1, 0, 0]
+
+
+VECTOR = """
+taskspec: 1
+name: Arms
+state:
+  pay: {type: choice, values: {low: 0.25, high: 0.5}, shape: [2]}
+  door: {type: choice, values: [high, none, low], shape: [2]}
+  key: {type: choice, values: [red, blue]}
+action:
+  a: {type: int, low: 0, high: 1}
+initial: {key: blue, pay: VALUE, door: VALUE}
+dynamics: {pay': "[pay[1], pay[0]]", door': "[door[i] if i == a else none for i in range(2)]"}
+horizon: 4
+reward: pay[a]
+"""
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "[low, high]", '"(low, high)"', '"[low if i == 0 else high for i in range(2)]"', "[{low: 1}, high]",
+        '"[Uniform({low}), high]"',
+    ],
+)  # fmt: skip
+def test_elements_of_a_vector_of_labels_are_labels_of_its_choice(value: str) -> None:
+    env: Any = taskspec.make(build(read_text(VECTOR.replace("VALUE", value))))
+    env.reset(seed=0)
+    assert [env.state[name].tolist() for name in ("pay", "door")] == [[0, 1], [2, 0]]
+    assert env.step(0)[1] == 0.25
+    assert [env.state[name].tolist() for name in ("pay", "door")] == [[1, 0], [2, 1]]
+    assert env.step(0)[1] == 0.5
+
+
+@pytest.mark.parametrize("value", ["[red, blue]", '"[key, key]"', '"[blue for i in range(2)]"'])
+def test_vectors_of_labels_of_another_choice_are_refused(value: str) -> None:
+    with pytest.raises(SpecError) as found:
+        build(read_text(VECTOR.replace("pay: VALUE, door: VALUE", f"pay: [low, low], door: {value}")))
+    assert {d.code for d in found.value.diagnostics} == {"E306" if "key" in value else "E313"}
