@@ -206,6 +206,9 @@ def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain
             return sets.uniform(checker, values, scope, want)
         case s.Call(function="Categorical", args=(s.Weights() as weights,), keywords=()):
             return alternatives.weighted(checker, weights, scope, want)
+        case s.Call(function="Uniform", args=(s.SetOf(), *_)) | s.Call(function="Categorical", args=(s.Weights(), *_)):
+            hint = f"for several draws, write a comprehension: `[{expr.function}({{...}}) for i in range(n)]`"
+            checker.fail("E304", expr, f"{expr.function} takes nothing beside values in braces", hint)
     dist = dists.DISTS.get(expr.function, dists.CATEGORICAL)
     nodes, shape = _arguments(checker, dist, expr, scope)
     if dist is dists.CATEGORICAL:
