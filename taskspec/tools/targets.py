@@ -134,8 +134,7 @@ def others_of(targets: Sequence[str]) -> list[tuple[Path, Kind]]:
     """Return the files behind targets that are not specs, kind by kind; without targets, the files of all suites."""
     others: list[tuple[Path, Kind]] = []
     if not targets:
-        for folder in sorted(registry.tasks_root().iterdir()):
-            others += _below(near(folder))
+        others += _below(near(registry.tasks_root()), depth=3)
     for target in targets:
         suite = registry.tasks_root() / target
         kind = kind_of(target)

@@ -13,9 +13,11 @@ from typer.testing import CliRunner
 from taskspec import exact
 from taskspec.cli.app import app
 from taskspec.language import source
+from taskspec.language.registry import tasks_root
 from taskspec.language.task.build import build
 from taskspec.show.pages.facts import gather
 from taskspec.show.pages.page import page
+from taskspec.tools.targets import OTHERS, files_of, kind_of, others_of
 from tests.exact.check.test_accept import PATH
 from tests.exact.check.test_proofs import LADDER, RARE
 from tests.exact.check.test_symmetries import task_of
@@ -24,6 +26,11 @@ from tests.shared.commands import Done, spec
 from tests.shared.specs import spec_file
 
 TIGER = spec_file("tiger").read_text(encoding="utf-8")
+
+
+def test_without_targets_everything_that_is_shipped_is_checked() -> None:
+    assert len(files_of([])) == len({path for path in tasks_root().rglob("*.yaml") if kind_of(str(path)) == "taskspec"})
+    assert {kind for _, kind in others_of([])} == set(OTHERS)
 
 
 WARNED = "accept: {W507: the expert is a beginner}\n"
