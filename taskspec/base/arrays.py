@@ -39,6 +39,14 @@ def parts_of(value: Any) -> list[Any]:
     return [value]
 
 
+def as_matrix(value: Any, rows: int) -> Array:
+    """Return the numbers of an array, or of all arrays in a dict side by side, as float64 (rows, columns)."""
+    columns = []
+    for part in parts_of(value):
+        columns.append(np.asarray(part, np.float64).reshape(rows, -1))
+    return np.hstack(columns)
+
+
 def part_at(value: Any, index: Any) -> Any:
     """Return the elements at an index of the first axis, of an array or of each in a dict."""
     return map_parts(itemgetter(index), value)

@@ -39,11 +39,15 @@ def print_steps(steps: Sequence[Any], again: Sequence[Any]) -> None:
     """
     table = Columns("action", "observation", "reward", "end", fold=(1,))
     for step in steps:
-        ends = " ".join(name for name in ("terminated", "truncated") if getattr(step, name))
+        ends = []
+        if step.terminated:
+            ends.append("terminated")
+        if step.truncated:
+            ends.append("truncated")
         action = "reset"
         if step.action is not None:
             action = shown(step.action)
-        table.add_row(action, step.error or shown(step.observation, 200), decimal(step.paid), ends)
+        table.add_row(action, step.error or shown(step.observation, 200), decimal(step.paid), " ".join(ends))
     out = console()
     out.print(table)
     t = first_difference(steps, again)

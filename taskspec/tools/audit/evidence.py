@@ -73,19 +73,23 @@ class Evidence:
     def episodes(self) -> list[EnvEpisode]:
         """Episodes of random actions, each in an instance of its own."""
         episodes: list[EnvEpisode] = []
+        together = 0
         end = self.until(0.05)
         for seed in range(EPISODES):
             tell(f"episode {seed + 1}")
             episodes.append(self.subject.episode(seed))
-            if end.is_over or sum(len(each.steps) for each in episodes) > MOST_TOGETHER:
+            together += len(episodes[-1].steps)
+            if end.is_over or together > MOST_TOGETHER:
                 break
         return episodes
 
     @cached_property
     def all_episodes(self) -> list[EnvEpisode]:
         """The episodes, and one of each action again and again."""
-        actions = self.in_time(self.subject.actions() or [])
-        return [*self.episodes, *(self.subject.episode(0, repeat=action) for action in actions)]
+        episodes = list(self.episodes)
+        for action in self.in_time(self.subject.actions() or []):
+            episodes.append(self.subject.episode(0, repeat=action))
+        return episodes
 
     @cached_property
     def returns(self) -> dict[str, list[float]]:
@@ -133,11 +137,16 @@ class Evidence:
         """The time limit that is declared; else the length of all episodes that are truncated, if they have the same one."""
         if self.subject.limit is not None:
             return self.subject.limit
-        lengths = {len(each.actions) for each in self.episodes if each.steps[-1].truncated}
-        is_own = len(lengths) == 1 and bool(self.counters) and max(len(e.actions) for e in self.episodes) in lengths
-        if not is_own:
+        truncated = set()
+        longest = 0
+        for episode in self.episodes:
+            length = len(episode.actions)
+            longest = max(longest, length)
+            if episode.steps[-1].truncated:
+                truncated.add(length)
+        if truncated != {longest} or not self.counters:
             return None
-        return lengths.pop()
+        return longest
 
     @cached_property
     def last_steps_without_time(self) -> list[tuple[EnvEpisode, EnvStep, EnvStep]]:
@@ -166,11 +175,14 @@ class Evidence:
     @cached_property
     def after_the_end(self) -> str | None:
         """The result of a step after a termination, in words; None where no episode terminated."""
-        ended = [each for each in self.episodes if each.steps[-1].terminated]
-        if not ended:
+        shortest = None
+        for episode in self.episodes:
+            is_shorter = shortest is None or len(episode.steps) < len(shortest.steps)
+            if episode.steps[-1].terminated and is_shorter:
+                shortest = episode
+        if shortest is None:
             return None
-        episode = min(ended, key=lambda each: len(each.steps))
-        step = self.subject.play((TracePart(episode.seed, (*episode.actions, episode.actions[-1])),))[-1]
+        step = self.subject.play((TracePart(shortest.seed, (*shortest.actions, shortest.actions[-1])),))[-1]
         if step.error:
             return step.error
         goes = "goes on"
@@ -191,8 +203,9 @@ class Evidence:
 
     def _tabulated(self) -> StateTable:
         for episode in self.episodes:
-            if any(step.error or math.isnan(step.paid) for step in episode.steps):
-                raise Untabulated("it raises exceptions, or rewards are no numbers")
+            for step in episode.steps:
+                if step.error or math.isnan(step.paid):
+                    raise Untabulated("it raises exceptions, or rewards are no numbers")
         table = by_probabilities(self.subject, self.horizon)
         if table is not None:
             try:
@@ -204,9 +217,9 @@ class Evidence:
             except Untabulated as error:
                 self.wrong_P = f"`P` has another next state, {error}", None
         self._check_recurrence()
-        return self._found_by_search()
+        return self._searched()
 
-    def _found_by_search(self) -> StateTable:
+    def _searched(self) -> StateTable:
         """Return the table of the smallest states that suffice: without sums and histories, without counters, or whole."""
         limits = frozenset(place for place in self.counters if place[-1] == "_elapsed_steps")
         tries = [(totals(self.snapshots), math.inf), (self.counters, math.inf), (limits, self.horizon or math.inf)]
@@ -314,7 +327,8 @@ class Evidence:
         if self.table is None or self.classes is None:
             return []
         groups: dict[Hashable, list[Any]] = defaultdict(list)
-        by_state = [signature(self.rows, self.classes, len(self.classes) - 1, s) for s in self.acting]
+        level = len(self.classes) - 1
+        by_state = [signature(self.rows, self.classes, level, s) for s in self.acting]
         for a, action in enumerate(self.table.actions):
             groups[tuple(each[a] for each in by_state)].append(action)
         return [group for group in groups.values() if len(group) > 1]

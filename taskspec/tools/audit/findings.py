@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
@@ -55,10 +55,10 @@ def outside(x: Evidence) -> AuditFinding | None:
     """Find an observation that is not in the observation space."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps):
-            why = None
-            if not step.error:
-                why = why_outside(x.subject.observation_space, step.observation)
-            if why:
+            if step.error:
+                continue
+            why = why_outside(x.subject.observation_space, step.observation)
+            if why is not None:
                 return AuditFinding(f"at t = {t} the observation {why}", episode.trace(t))
     return None
 
@@ -70,24 +70,43 @@ def why_outside(space: Any, value: Any) -> str | None:
         case spaces.Dict():
             if not isinstance(value, dict) or set(value) != set(space.spaces):
                 return f"has not the keys {', '.join(map(str, space.spaces))}"
-            return next(filter(None, (why_outside(inner, value[k]) for k, inner in space.spaces.items())), None)
+            return _first_outside(list(space.spaces.values()), [value[key] for key in space.spaces])
         case spaces.Tuple():
             if not isinstance(value, tuple) or len(value) != len(space.spaces):
                 return f"is no tuple of {len(space.spaces)}"
-            return next(filter(None, map(why_outside, space.spaces, value)), None)
+            return _first_outside(space.spaces, value)
         case spaces.Box() | spaces.MultiDiscrete() | spaces.MultiBinary():
-            if not isinstance(value, np.ndarray):
-                return f"is of the type {type(value).__name__}; its space holds arrays"
-            if value.dtype != space.dtype:
-                return f"is {value.dtype}; its space is {space.dtype}"
-            if value.shape != space.shape:
-                return f"has the shape {value.shape}; its space has {space.shape}"
-            if isinstance(space, spaces.Box) and not space.contains(value):
-                wrong = np.argwhere(~((value >= space.low) & (value <= space.high)))[0]
-                at = tuple(wrong.tolist())
-                where = f" at {list(at)}" if at else ""
-                return f"is {value[at]}{where}; its bounds are {space.low[at]} and {space.high[at]}"
-    return None if space.contains(value) else f"{shown(value)} is not in {space}"
+            why = _why_another_array(space, value)
+            if why is not None:
+                return why
+    if space.contains(value):
+        return None
+    return f"{shown(value)} is not in {space}"
+
+
+def _why_another_array(space: Any, value: Any) -> str | None:
+    if not isinstance(value, np.ndarray):
+        return f"is of the type {type(value).__name__}; its space holds arrays"
+    if value.dtype != space.dtype:
+        return f"is {value.dtype}; its space is {space.dtype}"
+    if value.shape != space.shape:
+        return f"has the shape {value.shape}; its space has {space.shape}"
+    if not isinstance(space, gymnasium.spaces.Box) or space.contains(value):
+        return None
+    wrong = np.argwhere(~((value >= space.low) & (value <= space.high)))[0]
+    at = tuple(wrong.tolist())
+    where = ""
+    if at:
+        where = f" at {list(at)}"
+    return f"is {value[at]}{where}; its bounds are {space.low[at]} and {space.high[at]}"
+
+
+def _first_outside(spaces: Sequence[Any], values: Sequence[Any]) -> str | None:
+    for space, value in zip(spaces, values, strict=True):
+        why = why_outside(space, value)
+        if why is not None:
+            return why
+    return None
 
 
 def reward_type(x: Evidence) -> AuditFinding | None:
@@ -196,7 +215,7 @@ def truncated_by_state(x: Evidence) -> AuditFinding | None:
 
 def table_disagrees(x: Evidence) -> AuditFinding | None:
     """Find a step that the environment's own `P` does not have."""
-    if x.table is None and x.wrong_P is None:
+    if x.table is None and x.wrong_P is None:  # the table is made here, and compared with `P`
         return None
     if x.wrong_P is None:
         return None
@@ -256,15 +275,23 @@ def hidden_reward(x: Evidence) -> AuditFinding | None:
     if table is None or x.classes is None:
         return None
     for a, action in enumerate(table.actions):
-        paid: list[frozenset[float] | None] = []
+        paid: list[frozenset[float]] = []
         for row in table.rows:
-            paid.append(frozenset(reward for _, reward, _ in row[a]) if row else None)
+            rewards: frozenset[float] = frozenset()
+            if row:
+                rewards = frozenset(reward for _, reward, _ in row[a])
+            paid.append(rewards)
         pair = _alike(x, paid)
         if pair is not None:
-            one, other = (", ".join(map(decimal, sorted(paid[s] or ()))) for s in pair)
-            words = f"{shown(table.shown[pair[0]])} is observed, and action {shown(action)} pays {one} or {other}"
+            s, other = pair
+            words = f"{shown(table.shown[s])} is observed, and action {shown(action)} pays"
+            words += f" {_listed(paid[s])} or {_listed(paid[other])}"
             return AuditFinding(words, _traces(x, pair, [action]))
     return None
+
+
+def _listed(rewards: frozenset[float]) -> str:
+    return ", ".join(map(decimal, sorted(rewards)))
 
 
 def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
@@ -278,11 +305,10 @@ def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
 
 
 def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
+    assert x.table is not None
     parts: list[TracePart] = []
     for s in pair:
-        trace = None
-        if x.table is not None:
-            trace = x.table.traces[s]
+        trace = x.table.traces[s]
         if trace is None:
             return None
         parts.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
@@ -303,8 +329,10 @@ def same_actions(x: Evidence) -> AuditFinding | None:
     groups = x.equal_actions()
     if not groups:
         return None
-    listed = "; ".join(", ".join(map(shown, group)) for group in groups)
-    return AuditFinding(f"these actions do the same in every state: {listed}")
+    listed = []
+    for group in groups:
+        listed.append(", ".join(map(shown, group)))
+    return AuditFinding(f"these actions do the same in every state: {'; '.join(listed)}")
 
 
 def unreached(x: Evidence) -> AuditFinding | None:
@@ -393,8 +421,8 @@ class Audit:
         """Return the audit as plain data."""
         findings = []
         for e in self.entries:
-            trace = e.trace or None
-            findings.append({"kind": e.check.kind, "name": e.check.name, "words": e.finding.words, "trace": trace})
+            about = {"kind": e.check.kind, "name": e.check.name, "words": e.finding.words, "trace": e.trace or None}
+            findings.append(about)
         return {"environment": self.name, "size": self.size, **self.numbers, "findings": findings}
 
 
@@ -431,23 +459,12 @@ def _size(x: Evidence) -> str:
 def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     """Return returns in words and as numbers: those of the table, or else means of episodes with their intervals."""
     words = []
-    numbers: dict[str, Any] = {}
-    sampled: dict[str, list[float]] = {}
-    if x.solved is None or x.table is None:
-        for name, returns in x.returns.items():
-            sampled["random" if name == "random" else f"action {name}"] = returns
-    elif x.table.by_time is not None:
-        numbers["optimal, if rewards were those of the first visit"] = x.solved.best
-        sampled = {"random": x.returns["random"]}
-    else:
-        numbers = {"optimal": x.solved.best, "random": x.solved.random, "worst": x.solved.worst}
-        numbers["best single action"] = max(x.solved.constant)
-        if x.table.drawn:
-            sampled = {"the policy found optimal": x.checked}
+    numbers, sampled = _returns(x)
     about = ""
     if x.table is not None and x.table.is_estimated:
         about = "about "
-    words = [(name, about + decimal(value)) for name, value in numbers.items()]
+    for name, value in numbers.items():
+        words.append((name, about + decimal(value)))
     for name, returns in sampled.items():
         if not returns:
             words.append((name, "no whole episode in this time"))
@@ -461,3 +478,23 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     if x.after_the_end:
         words.append(("after the end", x.after_the_end))
     return words, {"is_estimated": bool(about), "returns": numbers, "after_the_end": x.after_the_end}
+
+
+def _returns(x: Evidence) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """Return the known returns by name, and by name the returns of episodes."""
+    numbers: dict[str, Any] = {}
+    sampled: dict[str, list[float]] = {}
+    if x.solved is None or x.table is None:
+        for name, returns in x.returns.items():
+            if name != "random":
+                name = f"action {name}"
+            sampled[name] = returns
+    elif x.table.by_time is not None:
+        numbers["optimal, if rewards were those of the first visit"] = x.solved.best
+        sampled = {"random": x.returns["random"]}
+    else:
+        numbers = {"optimal": x.solved.best, "random": x.solved.random, "worst": x.solved.worst}
+        numbers["best single action"] = max(x.solved.constant)
+        if x.table.drawn:
+            sampled = {"the policy found optimal": x.checked}
+    return numbers, sampled

@@ -40,7 +40,10 @@ class Snapshot:
 
     def key(self, ignored: frozenset[Place] = frozenset()) -> bytes:
         """Return a hash of the state, without what is at or below some places."""
-        kept = [item for item in self.leaves.items() if not _is_below(item[0], ignored)]
+        kept = []
+        for place, value in self.leaves.items():
+            if not _is_below(place, ignored):
+                kept.append((place, value))
         return hashlib.blake2b(repr(kept).encode(), digest_size=16).digest()
 
 
@@ -65,7 +68,8 @@ def snapshot(env: Any) -> Snapshot:
                 continue
             if isinstance(value, list | tuple | deque | set | frozenset | Mapping):
                 contents.leaves[*place, LENGTH] = len(value)
-            waiting.extend(((*place, step), inner) for step, inner in _inside(value))
+            for step, inner in _inside(value):
+                waiting.append(((*place, step), inner))
     return contents
 
 
@@ -90,20 +94,30 @@ def _plain(value: Any) -> Any:
 def _inside(value: Any) -> Iterator[tuple[Hashable, Any]]:
     match value:
         case np.ndarray():
-            yield from (((i,), each) for i, each in enumerate(value.ravel().tolist()))
+            yield from _inside(value.ravel().tolist())
         case list() | tuple() | deque():
-            yield from (((i,), each) for i, each in enumerate(value))
+            for i, inner in enumerate(value):
+                yield (i,), inner
         case set() | frozenset():
             yield ("members",), repr(sorted(map(repr, value)))
         case Mapping():
-            yield from (((key,), value[key]) for key in value)
+            for key in value:
+                yield (key,), value[key]
         case _:
-            yield from ((name, each) for name, each in getattr(value, "__dict__", {}).items() if name not in SEEDS)
-            for each in type(value).__mro__:
-                slots = vars(each).get("__slots__", ())
-                for name in (slots,) if isinstance(slots, str) else slots:
-                    if hasattr(value, name):
-                        yield name, getattr(value, name)
+            yield from _attributes(value)
+
+
+def _attributes(value: Any) -> Iterator[tuple[Hashable, Any]]:
+    for name, inner in getattr(value, "__dict__", {}).items():
+        if name not in SEEDS:
+            yield name, inner
+    for kind in type(value).__mro__:
+        slots = vars(kind).get("__slots__", ())
+        if isinstance(slots, str):
+            slots = (slots,)
+        for name in slots:
+            if hasattr(value, name):
+                yield name, getattr(value, name)
 
 
 def drawn(generators: Iterable[Any]) -> str:
@@ -157,8 +171,13 @@ def _places(episodes: Iterable[list[Snapshot]], wanted: Any) -> frozenset[Place]
             if is_number:
                 steps = [round(b - a, 9) for a, b in pairwise(values)]
             verdicts[place] = verdicts.get(place, True) and is_number and wanted(steps)
-    places = [place for place, is_wanted in verdicts.items() if is_wanted]
-    return frozenset(place[:-1] if place[-1] == LENGTH else place for place in places)
+    places = set()
+    for place, is_wanted in verdicts.items():
+        if is_wanted and place[-1] == LENGTH:
+            places.add(place[:-1])
+        elif is_wanted:
+            places.add(place)
+    return frozenset(places)
 
 
 def place_value(env: Any, place: Place, value: Any) -> None:

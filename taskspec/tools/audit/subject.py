@@ -163,7 +163,9 @@ class Subject:
         env = self.make().env
         self.observation_space = env.observation_space
         self.action_space = copy.deepcopy(env.action_space)
-        self.limit: int | None = None if env.spec is None else env.spec.max_episode_steps
+        self.limit: int | None = None
+        if env.spec is not None:
+            self.limit = env.spec.max_episode_steps
 
     def make(self) -> EnvInstance:
         try:
@@ -192,7 +194,10 @@ class Subject:
         self.action_space.seed(seed)
         steps = [instance.reset(seed)]
         while not steps[-1].is_last and len(steps) <= MOST_STEPS and not end.is_over:
-            steps.append(instance.step(self.action_space.sample() if repeat is None else repeat))
+            action = repeat
+            if repeat is None:
+                action = self.action_space.sample()
+            steps.append(instance.step(action))
         return EnvEpisode(seed, tuple(steps))
 
     def actions(self, most: int = 64) -> list[Any] | None:
@@ -214,7 +219,10 @@ class Subject:
         parts = []
         for part in trace:
             actions = json.dumps(self.action_space.to_jsonable(list(part.actions)), separators=(",", ":"))
-            parts.append(f"{part.instance}{'' if part.seed is None else part.seed}:{actions}")
+            seed = ""
+            if part.seed is not None:
+                seed = str(part.seed)
+            parts.append(f"{part.instance}{seed}:{actions}")
         return " ".join(parts)
 
     def read(self, text: str) -> Trace:
@@ -240,12 +248,14 @@ class Subject:
 
     def script(self, trace: Trace) -> str:
         """Return Python code that plays a trace without this package."""
-        made = f"gym.make({', '.join([repr(self.name), *(f'{k}={v!r}' for k, v in self.kwargs.items())])})"
-        if self._function is not None:
+        given = [f"{name}={value!r}" for name, value in self.kwargs.items()]
+        if self._function is None:
+            lines = ["import gymnasium as gym"]
+            made = f"gym.make({', '.join([repr(self.name), *given])})"
+        else:
             place, _, function = self.name.rpartition(":")
-            given = ", ".join(f"{k}={v!r}" for k, v in self.kwargs.items())
-            made = f"runpy.run_path({place!r})[{function!r}]({given})"
-        lines = ["import runpy" if self._function is not None else "import gymnasium as gym"]
+            lines = ["import runpy"]
+            made = f"runpy.run_path({place!r})[{function!r}]({', '.join(given)})"
         known: set[str] = set()
         for part in trace:
             name = f"env_{part.instance}".rstrip("_")
@@ -264,7 +274,8 @@ def frozen(value: Any) -> Hashable:
     """Return an observation or another value in a form that can be compared and hashed."""
     match value:
         case dict():
-            return tuple((str(key), frozen(value[key])) for key in sorted(value, key=str))
+            names = sorted(value, key=str)
+            return tuple(zip(map(str, names), [frozen(value[name]) for name in names], strict=True))
         case tuple() | list():
             return tuple(map(frozen, value))
         case str() | bytes() | None:

@@ -88,8 +88,9 @@ class StateTable:
         """Return the table as an exact model; states in which no episode acts stay as they are, and pay nothing."""
         outcomes = []
         for s, by_action in enumerate(self.rows):
-            for a in range(len(self.actions)):
-                for (to, reward, ends), p in (by_action[a] if by_action else {(s, 0.0, False): 1.0}).items():
+            stays: dict[Outcome, float] = {(s, 0.0, False): 1.0}
+            for a, row in enumerate(by_action or [stays] * len(self.actions)):
+                for (to, reward, ends), p in row.items():
                     outcomes.append((s, a, to, p, reward, ends))
         start = np.zeros(len(self.rows))
         start[list(self.start)] = list(self.start.values())
@@ -113,8 +114,10 @@ def by_probabilities(subject: Subject, horizon: int | None) -> StateTable | None
             outcomes: Counter[Outcome] = Counter()
             for p, to, reward, ends in P[s][a]:
                 outcomes[int(to), float(reward), bool(ends)] += p
-            table.rows[s].append({outcome: p for outcome, p in outcomes.items() if p > 0})
-    table.start = {s: float(p) for s, p in enumerate(start) if p > 0}
+            table.rows[s].append(dict(+outcomes))
+    for s, p in enumerate(start):
+        if p > 0:
+            table.start[s] = float(p)
     return table
 
 
@@ -228,7 +231,9 @@ class TableSearch:
         except Exception:  # an object that is not to be changed
             return None
         step = instance.step(self.table.actions[a])
-        return None if step.error else step
+        if step.error:
+            return None
+        return step
 
 
 def _copied(instance: EnvInstance) -> EnvInstance | None:
@@ -246,12 +251,13 @@ def compare(
     Raises:
         Untabulated: where a step leads elsewhere, or something else is observed, than in the table.
     """
+    numbers = {frozen(action): a for a, action in enumerate(table.actions)}
     for episode in episodes:
         instance = subject.make()
         step = instance.reset(episode.seed)
         state = _known(table, instance, step, ignored)
         for t, action in enumerate(episode.actions):
-            a = next(i for i, each in enumerate(table.actions) if frozen(each) == frozen(action))
+            a = numbers[frozen(action)]
             step = instance.step(action)
             if state is None or not table.rows[state]:
                 break
@@ -259,10 +265,12 @@ def compare(
             outcomes = table.rows[state][a]
             ends = table.ends(step, t + 1)
             if (to, step.paid, ends) not in outcomes and (state, a) not in table.drawn:
-                if to not in {outcome[0] for outcome in outcomes}:
+                if all(outcome[0] != to for outcome in outcomes):
                     raise Untabulated(f"t = {t}: a state that the table does not lead to")
                 table.by_time = table.by_time or (state, a, episode.trace(t + 1))
-            state = None if ends else to
+            state = to
+            if ends:
+                state = None
 
 
 def _known(table: StateTable, instance: EnvInstance, step: EnvStep, ignored: frozenset[Place] | None) -> int | None:

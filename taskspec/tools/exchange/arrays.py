@@ -37,7 +37,7 @@ def write_p(task: FrozenTask) -> bytes:
         row = P.setdefault(str(s), {}).setdefault(str(a), [])
         row.append([float(o.probability), o.state, float(o.reward), o.ends])
     data: dict[str, Any] = {
-        "name": task.name, "horizon": _steps(task), "discount": float(task.discount), "states": task.states,
+        "name": task.name, "horizon": task.steps_in_episode, "discount": float(task.discount), "states": task.states,
         "actions": task.actions, "initial": [float(p) for p in task.start], "P": P,
     }  # fmt: skip
     if task.labels:
@@ -88,15 +88,14 @@ def read_environment(name: str) -> FrozenTask:
 
 def _of_p(source: ForeignFile, P: Any, other: dict[str, Any]) -> FrozenTask:
     """Return the task of a table by state and action, keys being numbers or their texts; other keys are taken out."""
-    by_state = {int(s): row for s, row in P.items()}
+    by_state = _by_number(P)
     names = list(other.pop("actions", ()))
     rows: list[Row] = []
     for s in range(len(by_state)):
-        by_action = {int(a): outcomes for a, outcomes in by_state[s].items()}
         row: dict[str, list[Outcome]] = {}
-        for a in sorted(by_action):
+        for a, listed in sorted(_by_number(by_state[s]).items()):
             outcomes = []
-            for p, to, r, ends in by_action[a]:
+            for p, to, r, ends in listed:
                 outcomes.append(Outcome(float(p), int(to), float(r), bool(ends)))
             row[_action(source, names, a)] = outcomes
         rows.append(row)
@@ -111,6 +110,10 @@ def _of_p(source: ForeignFile, P: Any, other: dict[str, Any]) -> FrozenTask:
     return assembled(source, Contents(start, rows, states, horizon, discount, seen, lost=tuple(other)))
 
 
+def _by_number(entries: Mapping[Any, Any]) -> dict[int, Any]:
+    return {int(key): entry for key, entry in entries.items()}
+
+
 def _action(source: ForeignFile, names: list[Any], a: int) -> str:
     """Return the name of an action; its number where there are no names."""
     if not names and a >= 0:
@@ -120,34 +123,28 @@ def _action(source: ForeignFile, names: list[Any], a: int) -> str:
     return str(names[a])
 
 
-def _steps(task: FrozenTask) -> int | None:
-    if task.last is None:
-        return task.horizon
-    return task.last + 1
-
-
 def write_npz(task: FrozenTask) -> bytes:
     """Return arrays: of outcomes (`COLUMNS`), `start`, `states`, `actions`, `horizon` (0: none), `discount`, and labels.
 
     `observations` (S, N) has what is observed in each state, where that is not the state.
     """
-    columns: list[list[Any]] = [[] for _ in COLUMNS]
+    outcomes = []
     for s, a, o in task.steps():
-        for column, value in zip(columns, (s, a, o.state, float(o.probability), float(o.reward), o.ends), strict=True):
-            column.append(value)
+        outcomes.append((s, a, o.state, float(o.probability), float(o.reward), o.ends))
     arrays: dict[str, Any] = {}
-    for (name, kind), column in zip(COLUMNS.items(), columns, strict=True):
+    for (name, kind), column in zip(COLUMNS.items(), zip(*outcomes, strict=True), strict=True):
         arrays[name] = np.array(column, kind)
-    for component in task.values[0] if task.values else ():
-        arrays[f"component_{component}"] = np.array([row[component] for row in task.values])
+    if task.values:
+        for component in task.values[0]:
+            arrays[f"component_{component}"] = np.array([row[component] for row in task.values])
     for name, held in task.labels.items():
-        arrays[f"label_{name}"] = np.array([s in held for s in range(len(task.states))])
+        arrays[f"label_{name}"] = np.isin(range(len(task.states)), list(held))
     if task.seen is not None:
         arrays["observations"] = np.array(task.seen, np.float64)
     result = io.BytesIO()
     np.savez_compressed(
-        result, start=np.array([float(p) for p in task.start]), states=np.array(task.states), actions=np.array(task.actions),
-        horizon=np.array(_steps(task) or 0), discount=np.array(float(task.discount)), **arrays,
+        result, start=np.array(task.start, np.float64), states=np.array(task.states), actions=np.array(task.actions),
+        horizon=np.array(task.steps_in_episode or 0), discount=np.array(float(task.discount)), **arrays,
     )  # fmt: skip
     return result.getvalue()
 
@@ -155,7 +152,9 @@ def write_npz(task: FrozenTask) -> bytes:
 def read_npz(source: ForeignFile) -> FrozenTask:
     """Return the task of such arrays; nothing in them is executed."""
     arrays = _loaded(source)
-    columns = [arrays.pop(name).astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
+    columns = []
+    for name, kind in COLUMNS.items():
+        columns.append(arrays.pop(name).astype(kind, casting="same_kind").tolist())
     start = arrays.pop("start").astype(np.float64, casting="same_kind").tolist()
     rows: list[dict[str, list[Outcome]]] = [{} for _ in start]
     names = arrays.pop("actions").tolist()
@@ -179,4 +178,4 @@ def _loaded(source: ForeignFile) -> dict[str, Any]:
         if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
             source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
     with np.load(io.BytesIO(source.content), allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
+        return dict(arrays)

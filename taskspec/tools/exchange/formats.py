@@ -15,7 +15,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.limits import limits
-from taskspec.base.named import entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import OVERHEAD, SWEEP, extract, tabulated
 from taskspec.exact.model.model import Model, NoModel
@@ -25,7 +25,15 @@ from taskspec.exact.solve.solve import Solvers
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb
-from taskspec.tools.exchange.frozen_task import FrozenTask, cleared, plain_names, separated, tables
+from taskspec.tools.exchange.frozen_task import (
+    FrozenTask,
+    cleared,
+    components_name,
+    numbered,
+    plain_names,
+    separated,
+    tables,
+)
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded, listed
 from taskspec.tools.exchange.settled import ENDED, PHASE, property_of, settled, unsettled
 from taskspec.tools.exchange.spec_text import has_mean_rewards
@@ -93,7 +101,7 @@ def notes(task: Task, frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
     if _finite(task) is not task:
         yield f"states: those of the abstraction of {task.name}"
     if not task.observation.is_state:
-        names = ", ".join(c.name for c in task.observation.components)
+        names = ", ".join(all_names(task.observation.components))
         if frozen.seen is None:
             yield f"observations ({names}): not in the file; its states are the task's"
         elif format.is_settled:
@@ -104,7 +112,7 @@ def notes(task: Task, frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"
     if not format.is_settled:
         yield "probabilities and rewards: floats"
-    elif any(isinstance(outcome.probability, float) for _, _, outcome in frozen.steps()):
+    elif not frozen.is_rational:
         yield "probabilities: floats; a draw of the task has no rational ones"
     yield from _notes_on_time(frozen, format)
 
@@ -118,7 +126,7 @@ def _notes_on_time(frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
         return
     if frozen.discount != 1:
         yield f"discount {frozen.discount}: after each step the episode ends with probability 1 - {frozen.discount}"
-    if sum(probability > 0 for probability in frozen.start) > 1:
+    if len(frozen.starts) > 1:
         yield "start distribution: the first step, from the state labelled draw"
     ready = settled(frozen)
     yield f"optimal return: {property_of(ready, 'max')}; worst: {property_of(ready, 'min')}"
@@ -155,7 +163,8 @@ def _format_of(path: Path, name: str | None) -> ModelFormat:
     for known in FORMATS.values():
         if name == known.name or (name is None and known.suffix == path.suffix):
             return known
-    hint = "formats that are: " + ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values())
+    known_formats = [f"{known.name} ({known.suffix})" for known in FORMATS.values()]
+    hint = f"formats that are: {', '.join(known_formats)}"
     suffix = path.suffix
     if name is not None:
         suffix = f".{name}"
@@ -197,10 +206,7 @@ def imported(place: str, format: str | None = None, name: str | None = None, hor
         task = task.remarked(
             "rewards: their mean for each state and action, as a table by next state would be too large"
         )
-    text = {
-        "title": f"{Path(place).stem}, imported",
-        "summary": f"The decision process of {Path(place).name}.",
-    }
+    text = {"title": f"{Path(place).stem}, imported", "summary": f"The decision process of {Path(place).name}."}
     return replace(task, name=name or _name(place), text=text, claims=_returns(task))
 
 
@@ -215,26 +221,27 @@ def _name(place: str) -> str:
 
 def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
     """Return names of states: their components with their values, where the source has them; rows and columns of a grid."""
-    is_numbered = task.states == tuple(f"s{s}" for s in range(len(task.states)))
+    is_numbered = task.states == numbered("s", len(task.states))
     if not task.values and width is not None and is_numbered:
         return tuple(f"r{s // width}c{s % width}" for s in range(len(task.states)))
     if not task.values:
         return task.states
     names = []
     for row in task.values:
-        parts = [f"{name}{value}" for name, value in row.items() if name != PHASE]
-        if row.get(PHASE) == ENDED:
+        components = dict(row)
+        phase = components.pop(PHASE, None)
+        parts = [components_name(components)]
+        if phase == ENDED:
             parts.append("end")
-        names.append("_".join(parts))
+        names.append("_".join(filter(None, parts)))
     return plain_names(names, "s")
 
 
 def _width(task: FrozenTask) -> int | None:
     n = len(task.states)
-    firsts = {s for s, p in enumerate(task.start) if p > 0}
     moves = set()
-    for s, _, outcome in task.steps():
-        if s in task.acting and outcome.state != s and outcome.state not in firsts:
+    for s, _, outcome in task.taken_steps():
+        if outcome.state != s and outcome.state not in task.starts:
             moves.add((s, outcome.state))
     sizes = {abs(to - s) for s, to in moves} - {1}
     if len(sizes) != 1:
@@ -252,10 +259,10 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
     """
     outcomes = []
     legal = np.zeros((len(task.actions), len(task.states)), np.bool_)
-    for s, a, o in task.steps():
+    for s, a, _ in task.steps():
         legal[a, s] = True
-        if s in task.acting:
-            outcomes.append((s, a, o.state, float(o.probability), float(o.reward), o.ends))
+    for s, a, o in task.taken_steps():
+        outcomes.append((s, a, o.state, float(o.probability), float(o.reward), o.ends))
     if (task.horizon or 0) * (len(outcomes) + OVERHEAD) > limits().seconds * SWEEP:
         return {}
     start = np.array(task.start, np.float64)

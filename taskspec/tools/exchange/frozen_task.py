@@ -11,7 +11,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, as_matrix
 from taskspec.base.display import plural
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, refuse
@@ -82,10 +82,33 @@ class FrozenTask:
                     yield s, a, outcome
 
     @cached_property
+    def is_rational(self) -> bool:
+        """Whether all probabilities are rationals."""
+        return not any(isinstance(outcome.probability, float) for _, _, outcome in self.steps())
+
+    def taken_steps(self) -> Iterator[tuple[int, int, Outcome]]:
+        """Yield the outcomes of the states in which an episode could act."""
+        for s, a, outcome in self.steps():
+            if s in self.acting:
+                yield s, a, outcome
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """The possible first states."""
+        return [s for s, probability in enumerate(self.start) if probability]
+
+    @property
+    def steps_in_episode(self) -> int | None:
+        """The largest number of steps; None where there is no limit."""
+        if self.last is None:
+            return self.horizon
+        return self.last + 1
+
+    @cached_property
     def acting(self) -> frozenset[int]:
         """The states in which an episode could act if there were no horizon."""
-        reached = {s for s, probability in enumerate(self.start) if probability > 0}
-        waiting = list(reached)
+        waiting = list(self.starts)
+        reached = set(waiting)
         while waiting:
             for outcomes in self.outcomes[waiting.pop()]:
                 for outcome in outcomes:
@@ -101,13 +124,23 @@ class FrozenTask:
             "summary": summary,
             "description": "\n".join(textwrap.wrap(description, 110)),
         }
-        states = tuple(f"s{i}" for i in range(len(self.states)))
-        actions = tuple(f"a{i}" for i in range(len(self.actions)))
+        states = numbered("s", len(self.states))
+        actions = numbered("a", len(self.actions))
         return replace(self, name=name, states=states, actions=actions, text=text)
 
     def remarked(self, *remarks: str) -> FrozenTask:
         """Return the same task with further remarks."""
         return replace(self, remarks=(*self.remarks, *remarks))
+
+
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """Return names that are numbers behind a letter: `s0`, `s1`."""
+    return tuple(f"{letter}{i}" for i in range(count))
+
+
+def components_name(values: Mapping[str, object]) -> str:
+    """Return components with their values as a name: `x1_y0`."""
+    return "_".join(f"{name}{value}" for name, value in values.items())
 
 
 def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
@@ -130,26 +163,33 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
     rows = []
     for by_action in task.outcomes:
         rows.append(tuple(tuple(map(moved, outcomes)) for outcomes in by_action))
-    for copy in copies.values():
+    names = list(task.states)
+    seen = list(task.seen or ())
+    for s, copy in copies.items():
         rows.append(_stays(copy, len(task.actions)))
-    seen = task.seen
-    if seen is not None:
-        seen = (*seen, *(seen[s] for s in copies))
-    names = plain_names([*task.states, *(f"{task.states[s]}_end" for s in copies)], "s")
-    start = (*task.start, *(0.0 for _ in copies))
-    return replace(task, states=names, start=start, outcomes=tuple(rows), seen=seen, values=(), labels={}, width=None)
+        names.append(f"{task.states[s]}_end")
+        if task.seen is not None:
+            seen.append(task.seen[s])
+    start = task.start + (0.0,) * len(copies)
+    return replace(
+        task, states=plain_names(names, "s"), start=start, outcomes=tuple(rows), seen=tuple(seen) or None, values=(),
+        labels={}, width=None,
+    )  # fmt: skip
 
 
 def _ambiguous(task: FrozenTask, everywhere: bool) -> list[int]:
     going = set()
-    for s, _, outcome in task.steps():
-        if s in task.acting and not outcome.ends:
+    for _, _, outcome in task.taken_steps():
+        if not outcome.ends:
             going.add(outcome.state)
     states: dict[int, None] = {}
     for by_action in task.outcomes:
         for outcomes in by_action:
             if not everywhere:
-                going = {outcome.state for outcome in outcomes if not outcome.ends}
+                going = set()
+                for outcome in outcomes:
+                    if not outcome.ends:
+                        going.add(outcome.state)
             for outcome in outcomes:
                 if outcome.ends and outcome.state in going:
                     states[outcome.state] = None
@@ -163,9 +203,8 @@ def _stays(s: int, actions: int) -> tuple[Outcomes, ...]:
 def visited(task: FrozenTask) -> FrozenTask:
     """Leave out states that no episode enters."""
     reached = set(task.acting)
-    for s, _, outcome in task.steps():
-        if s in task.acting:
-            reached.add(outcome.state)
+    for _, _, outcome in task.taken_steps():
+        reached.add(outcome.state)
     kept = sorted(reached)
     if len(kept) == len(task.states):
         return task
@@ -187,7 +226,7 @@ def visited(task: FrozenTask) -> FrozenTask:
         values = tuple(values[s] for s in kept)
     labels = {}
     for name, held in task.labels.items():
-        labels[name] = frozenset(index[s] for s in held if s in index)
+        labels[name] = frozenset(index[s] for s in held.intersection(index))
     return replace(
         task, states=tuple(task.states[s] for s in kept), start=tuple(task.start[s] for s in kept), outcomes=tuple(rows),
         seen=seen, values=values, width=None, labels=labels,
@@ -289,8 +328,9 @@ def tables(model: Model, most: int) -> FrozenTask:
     """
     visited = visited_table(model, most)
     labels = {}
+    places = np.array([s for _, s in visited.places], dtype=int)
     for name, holds in _conditions(model):
-        labels[name] = frozenset(i for i, (_, s) in enumerate(visited.places) if holds[s])
+        labels[name] = frozenset(np.flatnonzero(holds[places]).tolist())
     values = tuple(_values(model, visited.places, visited.is_timed))
     return FrozenTask(
         name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in visited.places], values, "s"),
@@ -320,11 +360,13 @@ def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]],
     """Names of states or actions: labels, or components with their values such as `x1_y0`."""
     names: list[str] = []
     for i, part in enumerate(parts):
-        numbers = values[i] if values else part
+        numbers: Mapping[str, object] = part
+        if values:
+            numbers = values[i]
         if len(part) == 1 and TIME not in numbers:
             names += map(str, part.values())
         else:
-            names.append("_".join(f"{name}{value}" for name, value in numbers.items()))
+            names.append(components_name(numbers))
     return plain_names(names, letter)
 
 
@@ -353,8 +395,8 @@ def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tupl
     @cache
     def seen_at(t: int) -> list[tuple[float, ...]]:
         rows = reader.observe(states_of(model), t, np.random.default_rng(0))
-        parts = list(rows.values()) if isinstance(rows, dict) else [rows]
-        columns = [np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts]
-        return list(map(tuple, np.hstack(columns).tolist()))
+        return list(map(tuple, as_matrix(rows, model.n_states).tolist()))
 
-    return tuple(seen_at(t if reader.sees_time else 0)[s] for t, s in places)
+    if not reader.sees_time:
+        return tuple(seen_at(0)[s] for _, s in places)
+    return tuple(seen_at(t)[s] for t, s in places)

@@ -47,7 +47,10 @@ class ForeignFile:
 
     def unpacked(self) -> bytes:
         """Return the content without the compression of gzip or xz; no more of it is unpacked than is allowed."""
-        opened = next((COMPRESSIONS[magic] for magic in COMPRESSIONS if self.content.startswith(magic)), None)
+        opened = None
+        for magic, opener in COMPRESSIONS.items():
+            if self.content.startswith(magic):
+                opened = opener
         if opened is None:
             return self.content
         data = bytearray()
@@ -175,18 +178,22 @@ def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
     _check_observations(source, contents)
     names = [str(name) for name in contents.states or range(len(rows))]
     start = [contents.start.get(s, Fraction(0)) for s in range(len(rows))]
+    outcomes = []
+    for s, row in enumerate(rows):
+        outcomes.append(_checked_row(source, s, row, actions, len(rows)))
     task = FrozenTask(
         name="Imported", states=plain_names(names, "s"), actions=plain_names(actions, "a"),
-        start=tuple(_normal(source, "the start distribution", start)),
-        outcomes=tuple(_checked_row(source, s, row, actions, len(rows)) for s, row in enumerate(rows)),
+        start=tuple(_normal(source, "the start distribution", start)), outcomes=tuple(outcomes),
         horizon=contents.horizon, discount=contents.discount, seen=contents.seen, values=contents.values,
         labels=contents.labels, remarks=tuple(contents.remarks),
     )  # fmt: skip
     if contents.lost:
         task = task.remarked(f"lost: {listed(sorted(contents.lost))}")
     single: set[str] = set()
+    all_outcomes: list[Sequence[Outcome]] = []
     for row in rows:
         single |= row.keys() - set(actions)
+        all_outcomes += row.values()
     if single:
         task = task.remarked(f"lost: actions without an alternative ({listed(sorted(map(repr, single)))})")
     renamed = []
@@ -195,7 +202,7 @@ def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
             renamed.append(f"{given[:20]!r} -> {plain}")
     if renamed:
         task = task.remarked(f"renamed: {listed(renamed)}")
-    if any(any(map(_pays_by_chance, row.values())) for row in rows):
+    if any(map(_pays_by_chance, all_outcomes)):
         task = task.remarked("rewards that are drawn: their mean, for each next state")
     return task
 
@@ -209,12 +216,15 @@ def _check_sizes(source: ForeignFile, contents: Contents, actions: int) -> None:
     count = len(contents.rows)
     if count * actions > MOST_ROWS:
         source.wrong(f"{count:,} states with {actions:,} actions; {MOST_ROWS:,} pairs are the most that is read")
-    if sum(sum(map(len, row.values())) for row in contents.rows) > MOST_OUTCOMES:
+    outcomes = 0
+    for row in contents.rows:
+        outcomes += sum(map(len, row.values()))
+    if outcomes > MOST_OUTCOMES:
         source.wrong(f"it has more than {MOST_OUTCOMES:,} outcomes")
     if contents.states and len(contents.states) != count:
         source.wrong(f"it has {len(contents.states):,} names for {count:,} states")
     for name, held in (("the start distribution", contents.start), *contents.labels.items()):
-        if any(not 0 <= s < count for s in held):
+        if not set(held) <= set(range(count)):
             source.wrong(f"{name} has states beyond its {count:,}")
 
 
@@ -222,7 +232,7 @@ def _check_observations(source: ForeignFile, contents: Contents) -> None:
     seen = contents.seen
     if seen is None:
         return
-    if len(seen) != len(contents.rows) or len({len(row) for row in seen}) != 1 or not seen[0]:
+    if len(seen) != len(contents.rows) or len(set(map(len, seen))) != 1 or not seen[0]:
         source.wrong(f"it does not have equally many observed numbers for each of its {len(contents.rows):,} states")
     for row in seen:
         if not all(abs(value) <= LARGEST for value in row):
@@ -256,7 +266,7 @@ def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: in
             source.wrong(f"state {s} leads to state {outcome.state}, which does not exist")
         if not (math.isfinite(outcome.reward) and -LARGEST <= outcome.reward <= LARGEST):
             source.wrong(f"state {s} pays a reward that is not finite, or too large")
-    likely = [outcome for outcome in outcomes if outcome.probability]
+    likely = _likely(outcomes)
     shares = _normal(source, f"state {s}", [outcome.probability for outcome in likely])
     kept = []
     for outcome, share in zip(likely, shares, strict=True):
@@ -266,8 +276,11 @@ def _checked(source: ForeignFile, s: int, outcomes: Sequence[Outcome], count: in
 
 def _pays_by_chance(outcomes: Sequence[Outcome]) -> bool:
     paid: dict[tuple[int, bool], Number] = {}
-    likely = [o for o in outcomes if o.probability]
-    return any(paid.setdefault((o.state, o.ends), o.reward) != o.reward for o in likely)
+    return any(paid.setdefault((o.state, o.ends), o.reward) != o.reward for o in _likely(outcomes))
+
+
+def _likely(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    return [outcome for outcome in outcomes if outcome.probability]
 
 
 def _normal(source: ForeignFile, place: str, probabilities: Sequence[Number]) -> list[Number]:

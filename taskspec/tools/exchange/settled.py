@@ -33,21 +33,23 @@ def settled(task: FrozenTask) -> FrozenTask:
     probability of 1 - gamma to end after a step. A start distribution becomes the first step, from a state labelled `draw`,
     which counts in the horizon. Expected returns are the same. States with one choice alone have one row.
     """
-    starts = [s for s, probability in enumerate(task.start) if probability > 0]
-    places = _places(task, starts)
+    starts = task.starts
+    places = _places(task)
     index = {place: i for i, place in enumerate(places)}
+    states = []
     rows: list[tuple[Outcomes, ...]] = []
     values = []
     seen: list[tuple[float, ...]] = []
     labels: dict[str, set[int]] = {name: set() for name in task.labels}
     labels[END] = set()
     for i, (s, phase) in enumerate(places):
+        states.append(f"{task.states[s]}{_SUFFIX[phase]}")
         own: Mapping[str, int] = {"s": s}
         if task.values:
             own = task.values[s]
         values.append({**own, PHASE: phase})
         if phase == DRAWING:
-            rows.append((_drawn(task, starts, index),))
+            rows.append((_drawn(task, index),))
             seen.append(UNSEEN)
             labels[FIRST] = {i}
             continue
@@ -63,15 +65,19 @@ def settled(task: FrozenTask) -> FrozenTask:
                 labels[name].add(i)
     start = [Fraction(0)] * len(places)
     start[index.get((starts[0], DRAWING), index[starts[0], ACTING])] = Fraction(1)
-    return replace(
-        task, states=tuple(f"{task.states[s]}{_SUFFIX[phase]}" for s, phase in places), outcomes=tuple(rows),
-        values=tuple(values), labels={name: frozenset(held) for name, held in labels.items()}, last=None,
-        seen=None if task.seen is None else tuple(seen), start=tuple(start), horizon=_steps(task, len(starts) > 1),
-        discount=Fraction(1),
+    horizon = task.steps_in_episode
+    if horizon is not None and len(starts) > 1:
+        horizon += 1
+    ready = replace(
+        task, states=tuple(states), outcomes=tuple(rows), values=tuple(values), last=None, start=tuple(start),
+        labels={name: frozenset(held) for name, held in labels.items()}, horizon=horizon, discount=Fraction(1),
     )  # fmt: skip
+    if task.seen is None:
+        return ready
+    return replace(ready, seen=tuple(seen))
 
 
-def _places(task: FrozenTask, starts: Sequence[int]) -> list[Place]:
+def _places(task: FrozenTask) -> list[Place]:
     """Return the states of the settled task: the one that draws, those in which episodes act, and those in which they end."""
     acting = sorted(task.acting)
     ended = set()
@@ -80,29 +86,20 @@ def _places(task: FrozenTask, starts: Sequence[int]) -> list[Place]:
             if outcome.ends or task.discount < 1:
                 ended.add(outcome.state)
     places = []
-    if len(starts) > 1:
-        places.append((starts[0], DRAWING))
+    if len(task.starts) > 1:
+        places.append((task.starts[0], DRAWING))
     places += [(s, ACTING) for s in acting]
     places += [(s, ENDED) for s in sorted(ended)]
     return places
-
-
-def _steps(task: FrozenTask, is_drawn: bool) -> int | None:
-    horizon = task.horizon
-    if task.last is not None:
-        horizon = task.last + 1
-    if horizon is None:
-        return None
-    return horizon + is_drawn
 
 
 def _free(probability: Fraction, place: int) -> Outcome:
     return Outcome(probability, place, Fraction(0), False)
 
 
-def _drawn(task: FrozenTask, starts: Sequence[int], index: Mapping[Place, int]) -> Outcomes:
-    shares = _shares([task.start[s] for s in starts])
-    return tuple(_free(share, index[s, ACTING]) for s, share in zip(starts, shares, strict=True))
+def _drawn(task: FrozenTask, index: Mapping[Place, int]) -> Outcomes:
+    shares = _shares([task.start[s] for s in task.starts])
+    return tuple(_free(share, index[s, ACTING]) for s, share in zip(task.starts, shares, strict=True))
 
 
 def _moved(task: FrozenTask, outcomes: Outcomes, index: Mapping[Place, int]) -> Outcomes:
@@ -132,9 +129,11 @@ def at_random(task: FrozenTask) -> FrozenTask:
     """Return a task whose only action chooses uniformly among the actions of another one."""
     rows = []
     for by_action in task.outcomes:
-        legal = [outcomes for outcomes in by_action if outcomes]
+        legal = list(filter(None, by_action))
         share = Fraction(1, len(legal))
-        drawn = [replace(outcome, probability=outcome.probability * share) for outcome in chain(*legal)]
+        drawn = []
+        for outcome in chain(*legal):
+            drawn.append(replace(outcome, probability=outcome.probability * share))
         rows.append((merged(drawn),))
     return replace(task, actions=("random",), outcomes=tuple(rows))
 
@@ -152,7 +151,10 @@ def unsettled(task: FrozenTask) -> FrozenTask:
 
     The state labelled `draw` is replaced by a start distribution.
     """
-    ends = {s for s, by_action in enumerate(task.outcomes) if _is_over(s, by_action)}
+    ends = set()
+    for s, by_action in enumerate(task.outcomes):
+        if _is_over(s, by_action):
+            ends.add(s)
     rows = []
     for by_action in task.outcomes:
         row = []
@@ -167,12 +169,13 @@ def unsettled(task: FrozenTask) -> FrozenTask:
     if first is None:
         return cleared(plain)
     del labels[FIRST]
-    chances = {outcome.state: outcome.probability for outcome in rows[first][0]}
-    start = tuple(chances.get(s, Fraction(0)) for s in range(len(rows)))
+    start: list[Number] = [Fraction(0)] * len(rows)
+    for outcome in rows[first][0]:
+        start[outcome.state] = outcome.probability
     horizon = task.horizon
     if horizon is not None:
         horizon -= 1
-    return cleared(replace(plain, start=start, horizon=horizon, labels=labels), known=1)
+    return cleared(replace(plain, start=tuple(start), horizon=horizon, labels=labels), known=1)
 
 
 def _is_over(s: int, by_action: Sequence[Outcomes]) -> bool:
@@ -181,10 +184,9 @@ def _is_over(s: int, by_action: Sequence[Outcomes]) -> bool:
 
 def _drawing(task: FrozenTask) -> int | None:
     """Return the state that draws the first state: where episodes start, without choices and rewards, and never return."""
-    likely = [s for s, probability in enumerate(task.start) if probability]
-    if task.horizon == 1 or len(likely) != 1 or task.labels.get(FIRST) != frozenset(likely):
+    if task.horizon == 1 or len(task.starts) != 1 or task.labels.get(FIRST) != frozenset(task.starts):
         return None
-    (first,) = likely
+    (first,) = task.starts
     is_free = not any(outcome.reward or outcome.ends for outcome in task.outcomes[first][0])
     is_left = all(outcome.state != first for _, _, outcome in task.steps())
     if is_free and is_left and len(set(task.outcomes[first])) == 1:

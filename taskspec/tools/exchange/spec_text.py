@@ -10,7 +10,7 @@ from fractions import Fraction
 
 from taskspec.base.display import small_fraction
 from taskspec.base.limits import limits
-from taskspec.exact.solve.outcomes import Number, Outcome
+from taskspec.exact.solve.outcomes import Number
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
@@ -134,11 +134,10 @@ def _next_states(task: FrozenTask) -> Entries:
         for a, outcomes in enumerate(by_action):
             if not outcomes:
                 continue
-            pairs = [(task.states[outcome.state], outcome.probability) for outcome in outcomes]
-            if stays:
-                entries[task.states[s], task.actions[a], ""] = "s"
-            else:
-                entries[task.states[s], task.actions[a], ""] = _distribution(pairs)
+            value = "s"
+            if not stays:
+                value = _distribution((task.states[outcome.state], outcome.probability) for outcome in outcomes)
+            entries[task.states[s], task.actions[a], ""] = value
     return entries
 
 
@@ -149,7 +148,7 @@ def has_mean_rewards(task: FrozenTask) -> bool:
 
 def _reward_table(task: FrozenTask) -> _TableText:
     entries: Entries = {}
-    for s, a, outcome in _taken(task):
+    for s, a, outcome in task.taken_steps():
         entries[task.states[s], task.actions[a], task.states[outcome.state]] = written(outcome.reward)
     return _TableText("reward", task, entries)
 
@@ -173,12 +172,15 @@ def _ends(task: FrozenTask) -> Iterator[str]:
         yield f"terminal: t == {task.last}"
         return
     entries: Entries = {}
-    for s, a, outcome in _taken(task):
+    for s, a, outcome in task.taken_steps():
         entries[task.states[s], task.actions[a], task.states[outcome.state]] = str(outcome.ends).lower()
     if "true" not in entries.values():
         return
     table = _TableText("terminal", task, entries)
-    ends = [name for name in task.states if table.rows.get((name,)) == "true"]
+    ends = []
+    for name in task.states:
+        if table.rows.get((name,)) == "true":
+            ends.append(name)
     if table.keys == ("s'",) and len(ends) <= MOST_ENDS:
         condition = f"in {{{', '.join(ends)}}}"
         if len(ends) == 1:
@@ -188,28 +190,19 @@ def _ends(task: FrozenTask) -> Iterator[str]:
     yield from table.lines()
 
 
-def _taken(task: FrozenTask) -> Iterator[tuple[int, int, Outcome]]:
-    """Outcomes of the states in which episodes act; rewards of others do not matter."""
-    return ((s, a, outcome) for s, a, outcome in task.steps() if s in task.acting)
-
-
 class _TableText:
     """A decision table with as few keys as tell its values apart."""
 
     def __init__(self, name: str, task: FrozenTask, entries: Entries) -> None:
         self.name = name
         self.counts = {"s": len(task.states), "a": len(task.actions), "s'": len(task.states)}
-        self.keys, self.rows = next(filter(None, (self._by(entries, keys) for keys in KEYS)))
-
-    @staticmethod
-    def _by(entries: Entries, keys: tuple[str, ...]) -> tuple[tuple[str, ...], dict[tuple[str, ...], str]] | None:
-        """Index entries by some of their keys; None where these do not tell them apart."""
-        rows: dict[tuple[str, ...], str] = {}
-        for entry, value in entries.items():
-            key = tuple(entry[_AT[name]] for name in keys)
-            if rows.setdefault(key, value) != value:
-                return None
-        return keys, rows
+        for keys in KEYS:
+            rows = _rows_by(entries, keys)
+            if rows is not None:
+                break
+        assert rows is not None
+        self.keys = keys
+        self.rows = rows
 
     @property
     def cells(self) -> int:
@@ -255,9 +248,21 @@ class _TableText:
         common = _common(texts.values())
         is_whole = len(texts) == self.counts[keys[0]]
         if not is_whole or list(texts.values()).count(common) > 1:
-            texts = {first: text for first, text in texts.items() if text != common}
+            for key, text in list(texts.items()):
+                if text == common:
+                    del texts[key]
             texts["else"] = common
         return _mapping(texts)
+
+
+def _rows_by(entries: Entries, keys: tuple[str, ...]) -> dict[tuple[str, ...], str] | None:
+    """Index entries by some of their keys; None where these do not tell them apart."""
+    rows: dict[tuple[str, ...], str] = {}
+    for entry, value in entries.items():
+        key = tuple(entry[_AT[name]] for name in keys)
+        if rows.setdefault(key, value) != value:
+            return None
+    return rows
 
 
 def _common(values: Iterable[str]) -> str:

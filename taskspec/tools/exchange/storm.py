@@ -17,6 +17,7 @@ from taskspec.exact.model.model import Model, refuse
 from taskspec.exact.model.probabilities import Inexact, Reader
 from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.enclosure import Enclosure, digits
+from taskspec.exact.solve.outcomes import Number
 from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import Finite, Solver, Solvers
 from taskspec.tools.exchange import umb
@@ -55,10 +56,14 @@ def solved(task: FrozenTask, *properties: str) -> list[Fraction]:
         model = stormpy.build_model_from_umb(str(path))
     paid = model.reward_models["reward"]
     if not (paid.has_state_rewards or paid.has_state_action_rewards or paid.has_transition_rewards):
-        return [Fraction(0) for _ in properties]  # Storm refuses to add up rewards where there are none
+        return [Fraction(0)] * len(properties)  # Storm refuses to add up rewards where there are none
     first = model.initial_states[0]
-    parsed = [stormpy.parse_properties(each)[0] for each in properties]
-    return [_fraction(str(stormpy.model_checking(model, each).get_value(first))) for each in parsed]
+    values = []
+    for each in properties:
+        parsed = stormpy.parse_properties(each)[0]
+        result = stormpy.model_checking(model, parsed)
+        values.append(_fraction(str(result.get_value(first))))
+    return values
 
 
 def _fraction(text: str) -> Fraction:
@@ -128,12 +133,14 @@ def compared(model: Model, frozen: FrozenTask) -> Iterator[ComparedReturn]:
 
 def _ours(model: Model, frozen: FrozenTask) -> dict[str, Enclosure]:
     """Return our returns: rationals where there are some, else with bounds of rounding errors."""
-    is_rational = not any(isinstance(outcome.probability, float) for _, _, outcome in frozen.steps())
-    if model.horizon is None and is_rational:
+    if model.horizon is None and frozen.is_rational:
         ready = settled(frozen)
         with suppress(Inexact):
-            best, random, worst = (stationary_return(ready, pick) for pick in (max, None, min))
-            return {name: Enclosure.exactly(v) for name, v in (("optimal", best), ("random", random), ("worst", worst))}
+            return {
+                "optimal": Enclosure.exactly(stationary_return(ready, max)),
+                "random": Enclosure.exactly(stationary_return(ready, None)),
+                "worst": Enclosure.exactly(stationary_return(ready, min)),
+            }
     solver: Solver
     try:
         solver = Finite(Rational(model, Reader(as_written=True), MOST_WORK))
@@ -163,14 +170,14 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fra
     policy = _ending_policy(ready)
     if pick is None:
         ready = at_random(ready)
-        policy = [{0: Fraction(1)} for _ in ready.outcomes]
+        policy = [{0: Fraction(1)}] * len(ready.outcomes)
     while True:
         V = _policy_values(ready, policy)
         better = {}
         if pick is not None:
             better = _better_actions(ready, V, pick)
         if not better:
-            return V[list(ready.start).index(1)]
+            return V[ready.starts[0]]
         for s, a in better.items():
             policy[s] = {a: Fraction(1)}
 
@@ -193,10 +200,10 @@ def _ending_policy(ready: FrozenTask) -> Shares:
 def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., int]) -> dict[int, int]:
     better = {}
     for s, by_action in enumerate(ready.outcomes):
-        Q = {}
+        Q: dict[int, Number] = {}
         for a, outcomes in enumerate(by_action):
-            if outcomes:
-                Q[a] = sum((o.probability * (o.reward + V[o.state]) for o in outcomes), Fraction(0))
+            for o in outcomes:
+                Q[a] = Q.get(a, Fraction(0)) + o.probability * (o.reward + V[o.state])
         best = pick(Q, key=Q.__getitem__)
         if s not in ready.labels[END] and Q[best] != V[s]:
             better[s] = best
@@ -207,15 +214,16 @@ def _policy_values(ready: FrozenTask, policy: Shares) -> list[Fraction]:
     """Return V of a policy by Gaussian elimination of V = R + P V, the states one after the other."""
     rows: list[dict[int, Fraction]] = []
     constants = []
+    ended = ready.labels[END]
     for s, shares in enumerate(policy):
         row: dict[int, Fraction] = {}
         constant = Fraction(0)
         for a, share in shares.items():
             for o in ready.outcomes[s][a]:
                 constant += share * Fraction(o.probability) * Fraction(o.reward)
-                if o.state not in ready.labels[END]:
+                if s not in ended and o.state not in ended:
                     row[o.state] = row.get(o.state, Fraction(0)) + share * Fraction(o.probability)
-        rows.append({} if s in ready.labels[END] else row)
+        rows.append(row)
         constants.append(constant)
     for s, row in enumerate(rows):  # V[s] without V[s] itself, and then without V[s] in other rows
         left = 1 - row.pop(s, Fraction(0))

@@ -54,10 +54,11 @@ def write(task: FrozenTask) -> bytes:
     choices: list[Outcomes] = []
     counts = []
     for by_action in task.outcomes:
-        legal = [a for a, outcomes in enumerate(by_action) if outcomes]
-        taken += legal
-        choices += [by_action[a] for a in legal]
-        counts.append(len(legal))
+        for a, outcomes in enumerate(by_action):
+            if outcomes:
+                taken.append(a)
+                choices.append(outcomes)
+        counts.append(len(by_action) - by_action.count(()))
     branches = list(chain(*choices))
     shares, share_type = _rationals([outcome.probability for outcome in branches])
     rewards, reward_type = _rationals([outcome.reward for outcome in branches])
@@ -67,7 +68,7 @@ def write(task: FrozenTask) -> bytes:
         BRANCHES: _ranges(map(len, choices)),
         TARGETS: np.array([outcome.state for outcome in branches], "<u8").tobytes(),
         PROBABILITIES: shares,
-        INITIAL: _bits([probability > 0 for probability in task.start]),
+        INITIAL: _bits(task.starts, len(task.states)),
         f"{ACTIONS}values.bin": np.array(taken, "<u4").tobytes(),
         f"{ACTIONS}string-mapping.bin": _ranges(map(len, names)),
         f"{ACTIONS}strings.bin": b"".join(names),
@@ -76,8 +77,9 @@ def write(task: FrozenTask) -> bytes:
     }
     observed: dict[str, Any] = {"#observations": 0}
     if task.seen is not None:
-        classes = {row: i for i, row in enumerate(dict.fromkeys(task.seen))}
-        files[OBSERVATIONS] = np.array([classes[row] for row in task.seen], "<u8").tobytes()
+        classes: dict[tuple[float, ...], int] = {}
+        numbers = [classes.setdefault(row, len(classes)) for row in task.seen]
+        files[OBSERVATIONS] = np.array(numbers, "<u8").tobytes()
         observed = {"#observations": len(classes), "observations-apply-to": "states"}
     propositions = {}
     for i, (name, held) in enumerate(task.labels.items()):
@@ -85,7 +87,7 @@ def write(task: FrozenTask) -> bytes:
         if _IDENTIFIER.fullmatch(name):
             identifier = name
         propositions[identifier] = {"alias": name, "applies-to": ["states"], "type": {"type": "bool", "size": 1}}
-        files[f"annotations/aps/{identifier}/states/values.bin"] = _bits([s in held for s in range(len(task.states))])
+        files[f"annotations/aps/{identifier}/states/values.bin"] = _bits(held, len(task.states))
     variables = [{"name": name, "type": {"type": "int", "size": BITS}} for name in task.values[0]]
     index = {
         "format-version": 1, "format-revision": 0,
@@ -119,16 +121,18 @@ def _ranges(counts: Iterable[int]) -> bytes:
     return np.array([0, *accumulate(counts)], "<u8").tobytes()
 
 
-def _bits(values: Sequence[bool]) -> bytes:
-    padded = np.zeros(-(-len(values) // 64) * 64, np.bool_)
-    padded[: len(values)] = values
+def _bits(marked: Iterable[int], size: int) -> bytes:
+    padded = np.zeros(-(-size // 64) * 64, np.bool_)
+    padded[list(marked)] = True
     return np.packbits(padded, bitorder="little").tobytes()
 
 
 def _rationals(values: Sequence[Number]) -> tuple[bytes, dict[str, Any]]:
     """Return numerators and denominators, side by side, all of the size of the longest; and their type."""
     exact = [Fraction(value) for value in values]
-    longest = max(max(v.numerator.bit_length() + 1, v.denominator.bit_length()) for v in exact)
+    longest = 0
+    for v in exact:
+        longest = max(longest, v.numerator.bit_length() + 1, v.denominator.bit_length())
     half = -(-2 * longest // _RATIONAL) * _RATIONAL // 16
     parts = []
     for v in exact:
@@ -155,7 +159,8 @@ class _Archive:
             source.wrong("only Markov chains and Markov decision processes in discrete time are read")
         self.n_actions = int(self.system["#choice-actions"])
         self.sizes = {entity: int(self.system[f"#{entity}"]) for entity in ("states", "choices", "branches")}
-        if not all(0 <= size <= MOST_OUTCOMES for size in (self.n_actions, *self.sizes.values())):
+        sizes = (self.n_actions, *self.sizes.values())
+        if min(sizes) < 0 or max(sizes) > MOST_OUTCOMES:
             source.wrong(f"it has more than {MOST_OUTCOMES:,} states, choices, branches or actions, or less than none")
 
     def task(self) -> FrozenTask:
@@ -183,8 +188,10 @@ class _Archive:
         seen = self._observations()
         labels = self._labels()
         values = self._values()
-        lost = {_part(name) for name in self.files}
-        lost |= {f"model-data {key}" for key in self.index.get("model-data", {}) if key != "name"}
+        lost = set(map(_part, self.files))
+        for key in self.index.get("model-data", {}):
+            if key != "name":
+                lost.add(f"model-data {key}")
         return assembled(self.source, Contents(
             start, rows, horizon=horizon, seen=seen, labels=labels, values=values, lost=tuple(lost), remarks=self.remarks,
         ))  # fmt: skip
@@ -254,7 +261,7 @@ class _Archive:
             self.source.wrong(f"{len(first)} states are marked as initial, {declared} are declared")
         if len(first) > 1:
             self.remarks.append(f"first states: {len(first):,}, of which one is drawn, all equally likely")
-        return {s: Fraction(1, len(first)) for s in first}
+        return dict.fromkeys(first, Fraction(1, len(first)))
 
     def _labels(self) -> dict[str, frozenset[int]]:
         labels = {}
@@ -285,7 +292,8 @@ class _Archive:
             if max(classes) >= count:
                 self.source.wrong(f"a state has the observation {max(classes)}, of {count}")
             seen = tuple((float(i),) for i in classes)
-        if (count and seen is None) or any(name.startswith("observations/") for name in self.files):
+        is_other = any(name.startswith("observations/") for name in self.files)
+        if (count and seen is None) or is_other:
             self.source.wrong("its observations depend on branches or on chance; only observations of states are read")
         return seen
 
@@ -296,8 +304,9 @@ class _Archive:
         text = self.files.pop(f"{ACTIONS}strings.bin", None)
         if text is None:
             return [f"a{i}" for i in used]
-        parts = self._ranges(f"{ACTIONS}string-mapping.bin", self.n_actions, len(text))
-        names = [text[part].decode("utf-8", "replace") for part in parts]
+        names = []
+        for part in self._ranges(f"{ACTIONS}string-mapping.bin", self.n_actions, len(text)):
+            names.append(text[part].decode("utf-8", "replace"))
         return [names[i] for i in used]
 
     def _values(self) -> tuple[dict[str, int], ...]:

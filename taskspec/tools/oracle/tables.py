@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array, map_parts, parts_of
+from taskspec.base.arrays import Array, as_matrix, map_parts
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
@@ -79,7 +79,7 @@ class Seen:
         A discrete observation is its own row, counted from the least. Others are numbered in lexicographic order.
         """
         layout = self._model.task.observation_layout
-        flat = [self._flat(t) for t in self.times]
+        flat = [as_matrix(self.at(t), self._model.n_states) for t in self.times]
         if layout.form == "discrete":
             numbers = np.stack([rows[:, 0] - layout.starts[0] for rows in flat])
         else:
@@ -94,10 +94,6 @@ class Seen:
         if layout.form == "discrete":
             return layout.counts[0]
         return int(self.rows.max()) + 1
-
-    def _flat(self, t: int) -> Array:
-        parts = [np.asarray(part, np.float64).reshape(self._model.n_states, -1) for part in parts_of(self.at(t))]
-        return np.hstack(parts)
 
 
 def policy_table(model: Model, policy: Any, exact: bool) -> Array:
@@ -129,9 +125,8 @@ def policy_table(model: Model, policy: Any, exact: bool) -> Array:
 def _rational(table: Array) -> Array:
     """Return a table as rationals: those that are given, and the short fractions near floats."""
     read = Reader(as_written=True)
-    known = {value: read(value) for value in set(table.reshape(-1).tolist())}
-    fractions = np.empty(table.shape, dtype=object)
-    fractions.reshape(-1)[:] = [known[value] for value in table.reshape(-1).tolist()]
+    values, numbers = np.unique(table, return_inverse=True)
+    fractions = np.array([read(value) for value in values.tolist()], dtype=object)[numbers.reshape(table.shape)]
     if (fractions.sum(axis=-1) != 1).any():
         misused(
             "these probabilities are no short fractions that sum to 1", "give them as fractions, or take `exact=False`"
@@ -156,8 +151,8 @@ def _of_table(model: Model, table: Array) -> Array:
     if by_state is not None and (seen.rows != np.arange(model.n_states)).any():
         hint = "a function of the observation, `lambda observation: table[observation]`"
         misused("the rows of this table may be states or observations, which are numbered differently", hint)
-    each = [by_observation[min(t, len(by_observation) - 1), rows] for t, rows in enumerate(seen.rows)]
-    return np.stack(each)
+    last = len(by_observation) - 1
+    return np.stack([by_observation[min(t, last), rows] for t, rows in enumerate(seen.rows)])
 
 
 def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
@@ -219,7 +214,8 @@ def _of_function(model: Model, seen: Seen, function: Callable[[Any], Any]) -> Ar
         return None
     rows = []
     for t in seen.times:
-        rows += [_answer(function, seen.at(t), s) for s in range(model.n_states)]
+        for s in range(model.n_states):
+            rows.append(_answer(function, seen.at(t), s))
     return np.stack(rows).reshape(-1, model.n_states, model.n_actions)
 
 
