@@ -16,6 +16,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -165,9 +166,9 @@ class NamedSteps:
         if not task.observation.is_state and math.isinf(outcome_count(task.observation.nodes)):
             refuse("observations have infinitely many outcomes")
         self._numbers = ExactProbabilities(Reader(as_written=True))
-        self.names: list[Hashable] = [_name(self.model.state(s)) for s in range(self.model.n_states)]
+        self.names = [_name(self.model.state(s)) for s in range(self.model.n_states)]
         self.index = {name: s for s, name in enumerate(self.names)}
-        self.actions: list[Hashable] = [_name(self.model.action(a)) for a in range(self.model.n_actions)]
+        self.actions = [_name(self.model.action(a)) for a in range(self.model.n_actions)]
         codes, weights = self._steps.starts(self._numbers)
         self.start = dict(zip(np.searchsorted(self.model.codes, codes).tolist(), weights.tolist(), strict=True))
         self.named_start = {self.names[s]: p for s, p in self.start.items()}
@@ -250,14 +251,19 @@ def _action_words(names: Sequence[Any]) -> str:
 
 
 def _start_words(starts: Mapping[Any, Fraction]) -> str:
-    states = [_with_chance(shown(name), p) for name, p in starts.items()]
+    states = []
+    for name, p in starts.items():
+        states.append(_with_chance(shown(name), p))
     return f"starts in {_few(states, 4)}"
 
 
 def _seen_words(label: Any) -> str:
-    if isinstance(label, frozenset):
-        return "; ".join(_with_chance(str(list(value)), p) for value, p in sorted(label)[:4])
-    return shown(label)
+    if not isinstance(label, frozenset):
+        return shown(label)
+    values = []
+    for value, p in sorted(label)[:4]:
+        values.append(_with_chance(str(list(value)), p))
+    return "; ".join(values)
 
 
 # -- the first difference by name -------------------------------------------------------------------------------------
@@ -282,7 +288,8 @@ def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | N
             path = next(iter(level.values()))
             return FirstDifference(path, t, None, None, _end_words(one.task.horizon), _end_words(other.task.horizon))
         if is_alike and one.times == other.times == 1:
-            level = {s: path for s, path in level.items() if s not in seen}
+            for s in seen.intersection(level):
+                del level[s]
             seen |= set(level)
         difference, level = _level(one, other, t, level, t < last)
         if difference is not None:
@@ -364,7 +371,9 @@ def _joined(one: NamedSteps, other: NamedSteps, order: Sequence[int], t: int) ->
     for by_action in other.rows(t):
         reordered = []
         for a in order:
-            moved = {(to + n, reward, ends): p for (to, reward, ends), p in by_action[a].items()}
+            moved = {}
+            for (to, reward, ends), p in by_action[a].items():
+                moved[to + n, reward, ends] = p
             reordered.append(moved)
         rows.append(reordered)
     return rows
@@ -379,11 +388,15 @@ def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -
 
 def _renamed(one: NamedSteps, other: NamedSteps, classes: Sequence[int], order: Sequence[int]) -> str:
     pairs = [(one.actions[a], other.actions[b]) for a, b in enumerate(order)]
-    of_class = {classes[s + len(one.names)]: name for s, name in enumerate(other.names)}
+    of_class = dict(zip(classes[len(one.names) :], other.names, strict=True))
     for s, name in enumerate(one.names):
         if classes[s] in of_class:
             pairs.append((name, of_class[classes[s]]))
-    return _few([f"{shown(x)} is {shown(y)}" for x, y in pairs if x != y], 6)
+    words = []
+    for name, other_name in pairs:
+        if name != other_name:
+            words.append(f"{shown(name)} is {shown(other_name)}")
+    return _few(words, 6)
 
 
 # -- other rewards ----------------------------------------------------------------------------------------------------
@@ -395,17 +408,16 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
         return TaskRelation("different", "they differ in more than rewards", difference)
     where = np.array([other.index[name] for name in one.names])
     times = range(max(one.times, other.times))
-    looks_alike = all(one.observed(t) == [other.observed(t)[s] for s in where] for t in times)
-    if difference.action is None or not looks_alike:
+    if difference.action is None or not all(_looks_alike(one, other, where, t) for t in times):
         words = "they start, end or are observed in another way, or other actions are legal"
         return TaskRelation("different", words, difference)
-    solvers = [Solvers(x.model).of() for x in (one, other)]
+    solvers = (Solvers(one.model).of(), Solvers(other.model).of())
     returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
     size = (one.task.horizon or math.inf) * len(one.actions) * len(one.names)
     if size > MOST_VALUES:
         words = "they differ; without a horizon, or with many steps and states, policies are not compared"
         return TaskRelation("different", words, difference, returns)
-    acting = [np.flatnonzero(level) for _, level in one.model.levels()]
+    acting = _acting(one)
     if all(_moves(one, t) == _moves(other, t) for t in times):
         factor = _factor(_advantages(solvers, where, acting, is_random=True))
         if factor is not None:
@@ -416,14 +428,23 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
                 return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
             words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
             return TaskRelation("shaped reward", words, difference, returns)
-    others_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
-    if [set(where[states]) for states in acting] != [set(states) for states in others_acting]:
+    if [set(where[states]) for states in acting] != list(map(set, _acting(other))):
         return TaskRelation("different", "other states are visited", difference, returns)
     pairs = _advantages(solvers, where, acting, is_random=False)
     if all(((mine >= -EQUAL) == (theirs >= -EQUAL)).all() for mine, theirs in pairs):
         words = "in every state and at every time, the same actions are optimal"
         return TaskRelation("same optimal policy", words, difference, returns)
     return TaskRelation("different", "other actions are optimal", difference, returns)
+
+
+def _looks_alike(one: NamedSteps, other: NamedSteps, where: Array, t: int) -> bool:
+    seen = other.observed(t)
+    return one.observed(t) == [seen[s] for s in where]
+
+
+def _acting(x: NamedSteps) -> list[Array]:
+    """States in which episodes act, by time."""
+    return [np.flatnonzero(level) for _, level in x.model.levels()]
 
 
 def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
@@ -440,7 +461,8 @@ def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
 def _advantages(
     solvers: Sequence[Solver], where: Array, acting: Sequence[Array], is_random: bool
 ) -> Iterator[tuple[Array, Array]]:
-    first, second = (_plan(solver.numbers, is_random) for solver in solvers)
+    first = _plan(solvers[0].numbers, is_random)
+    second = _plan(solvers[1].numbers, is_random)
     for (t, q, v), (_, their_q, their_v) in zip(first, second, strict=True):
         if t < len(acting):
             ours = _plain(q) - _plain(v)
@@ -460,7 +482,7 @@ def _plan(n: Any, is_random: bool) -> Iterator[tuple[int, Any, Any]]:
 def _plain(x: Scaled | Bound) -> Array:
     if isinstance(x, Bound):
         return x.value
-    return np.array([Fraction(int(p), x.over) for p in x.parts.ravel()], dtype=object).reshape(x.parts.shape)
+    return x.fractions()
 
 
 def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
@@ -489,12 +511,9 @@ def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor:
 # -- tasks that are not finite ----------------------------------------------------------------------------------------
 
 
-def _components(task: Task) -> list[Any]:
-    return [(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)]
-
-
 def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
-    if _components(a) != _components(b):
+    declared = attrgetter("name", "type", "low", "high")
+    if list(map(declared, (*a.state, *a.action))) != list(map(declared, (*b.state, *b.action))):
         return TaskRelation("different", f"states or actions have other components or bounds; {reason}")
     if (a.horizon, a.discount) != (b.horizon, b.discount):
         return TaskRelation("different", f"the horizon or the discount is another one; {reason}")
@@ -506,9 +525,11 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
     watched = not (a.observation.is_random or b.observation.is_random)
     if not watched:
         reason += "; observations are drawn, and were not compared"
-    runs = [Rollout(task, LANES) for task in (a, b)]
-    states = [run.start() for run in runs]
-    seen = [_stacked(task, state, 0, watched) for task, state in zip((a, b), states, strict=True)]
+    one = Rollout(a, LANES)
+    other = Rollout(b, LANES)
+    state = one.start()
+    other_state = other.start()
+    seen = [_stacked(a, state, 0, watched), _stacked(b, other_state, 0, watched)]
     alive = np.ones(LANES, np.bool_)
     choose = at_random(a)
     rng = np.random.default_rng(0)
@@ -520,13 +541,16 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
             return _parted(a, actions, seen, int(wrong[0]), reason)
         if t == steps or not alive.any():
             break
-        actions.append(choose(states[0], t, rng))
-        moved = [run.step(state, actions[-1], t) for run, state in zip(runs, states, strict=True)]
-        states = [each.state for each in moved]
-        seen = []
-        for task, step in zip((a, b), moved, strict=True):
-            seen.append(_stacked(task, step.state, t + 1, watched, step.reward, step.terminal))
-        alive &= ~moved[0].terminal.astype(np.bool_)
+        actions.append(choose(state, t, rng))
+        step = one.step(state, actions[-1], t)
+        other_step = other.step(other_state, actions[-1], t)
+        state = step.state
+        other_state = other_step.state
+        seen = [
+            _stacked(a, state, t + 1, watched, step.reward, step.terminal),
+            _stacked(b, other_state, t + 1, watched, other_step.reward, other_step.terminal),
+        ]
+        alive &= ~step.terminal.astype(np.bool_)
     words = f"{LANES} episodes of random actions with the same random words are the same for {t} steps; {reason}"
     return TaskRelation("no difference found", words)
 
@@ -559,7 +583,9 @@ def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) ->
 
 
 def _numbers(values: Array) -> str:
-    texts = [decimal(float(value), 6) for value in np.ravel(values)[:8]]
+    texts = []
+    for value in np.ravel(values)[:8]:
+        texts.append(decimal(float(value), 6))
     if len(texts) == 1:
         return texts[0]
     if np.size(values) > 8:

@@ -65,6 +65,10 @@ class Scaled:
     def at(self, index: Any) -> Fraction:
         return Fraction(self.parts[index], self.over)
 
+    def fractions(self) -> Array:
+        """Object array of fractions."""
+        return objects([Fraction(int(part), self.over) for part in self.parts.reshape(-1)]).reshape(self.parts.shape)
+
 
 def _shared(some: Array) -> Scaled:
     counts = some.sum(axis=0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.base.diagnostics import Diagnostic, Span, SpecError, in_order
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.scope import Scope
 from taskspec.language.source import Document, Path
@@ -49,12 +49,22 @@ class Analysis:
             return data
         return {}
 
-    def entries(self, section: str) -> list[str]:
-        """Return the names of the entries of a section; none where it has no entries."""
-        written = self.sections.get(section)
+    def entries(self, *path: str | int) -> list[str]:
+        """Return the names of the entries at a path; none where it has no entries."""
+        written = self.written(path)
         if isinstance(written, dict):
             return list(written)
         return []
+
+    def written(self, path: Path) -> Any:
+        """Return what is written at a path; None where nothing is."""
+        written: Any = self.sections
+        for step in path:
+            try:
+                written = written[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return written
 
     def attempt(self, path: Path) -> Attempt | None:
         """Return what was made of the spec or the variant that a path is in."""
@@ -103,10 +113,8 @@ class Analysis:
         for attempt in self.attempts:
             for expr in attempt.merged.parsed.values():
                 for node in s.below(expr):
-                    place = node.name_place if isinstance(node, s.Call) else getattr(node, "place", None)
-                    written = _name_of(node)
-                    if written == name and place is not None:
-                        span = place.span
+                    if isinstance(node, s.Name | s.Quoted | s.Call) and _name_of(node) == name:
+                        span = name_span(node)
                         if span.origin.name == self.name and span not in seen:
                             seen.add(span)
                             yield node
@@ -126,8 +134,11 @@ def analyse(text: str, name: str = "<string>", before: Analysis | None = None) -
         return Analysis(text, name, None, (), reading.diagnostics)
     problems = list(reading.diagnostics)
     made: list[Attempt] = []
+    earlier: tuple[Attempt, ...] = ()
+    if before is not None:
+        earlier = before.attempts
     try:
-        made, mistakes = attempts(reading.document, before=before.attempts if before else ())
+        made, mistakes = attempts(reading.document, before=earlier)
         problems += [each for each in mistakes if not _on_lines(each, reading.repaired)]
     except SpecError as error:
         problems += error.diagnostics
@@ -168,11 +179,17 @@ def _written(merged: Merged, path: Path) -> Path:
     return ()
 
 
-def _name_of(node: object) -> str | None:
+def _name_of(node: s.Name | s.Quoted | s.Call) -> str:
     match node:
         case s.Name(id=name) | s.Quoted(value=name) | s.Call(function=name):
             return signature(name)[0]
-    return None
+
+
+def name_span(node: s.Name | s.Quoted | s.Call) -> Span:
+    """Return the place of a name; of a call, that of its function."""
+    if isinstance(node, s.Call):
+        return node.name_place.span
+    return node.place.span
 
 
 def _on_lines(diagnostic: Diagnostic, repaired: frozenset[int]) -> bool:

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from taskspec.exact.model.points import Method
 
 
+READERS = {"exam": read_exam, "findings": read_findings}
+
+
 def check_files(
     others: Sequence[tuple[Path, Kind]],
     files: Sequence[File],
@@ -71,7 +74,9 @@ def examine(task: Task, sense: bool = True, defaults: bool = True, all_backends:
     """
     if not sense:
         return exact.check(task, ranges=False, with_warnings=False, claims=False, programs=())
-    programs = EVERY if all_backends else QUICK
+    programs: tuple[str, ...] = QUICK
+    if all_backends:
+        programs = EVERY
     return exact.check(task, ranges=defaults, claims=defaults, programs=programs, beside=_looks)
 
 
@@ -88,8 +93,7 @@ def check_other(path: Path, kind: Kind) -> FileReport:
             diagnostics = [*expanded.diagnostics, *expanded.refused]
             entries = len(expanded.instances)
         else:
-            read_rules = read_exam if kind == "exam" else read_findings
-            book = read_rules(path)
+            book = READERS[kind](path)
             diagnostics = book.diagnostics
             entries = len(book.rules)
     except SpecError as error:
@@ -188,8 +192,11 @@ def check_file(file: File, prove: Callable[[Task], Report]) -> FileReport:
     needed = {each.place for each in accepted.values()}
     tasks = []
     for task in checked:  # without W511 for an entry of `accept` that another task, which shares it, needs
-        left = tuple(d for d in task.diagnostics if d.code != "W511" or d.span not in needed)
-        tasks.append(replace(task, diagnostics=left))
+        left = []
+        for diagnostic in task.diagnostics:
+            if diagnostic.code != "W511" or diagnostic.span not in needed:
+                left.append(diagnostic)
+        tasks.append(replace(task, diagnostics=tuple(left)))
     return FileReport(path, tuple(tasks), once(tasks), tuple(accepted.values()))
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import NamedTuple
 
 from taskspec.base.display import setting
+from taskspec.base.named import all_names
 from taskspec.exact.rules import claim_rules
 from taskspec.language.expressions.check import CONSTANTS
 from taskspec.language.expressions.dists import CATEGORICAL, DISTS
@@ -49,8 +51,11 @@ def complete(analysis: Analysis, offset: int) -> tuple[list[Completion], str]:
         proposals = list(_values(analysis, at.path, at.before))
         if at.before == at.word:  # it may become the first key of a mapping
             proposals += _keys(analysis, at.path, at.word)
-    fitting = [each for each in proposals if each.label.lower().startswith(at.word.lower())]
-    return list({each.label: each for each in fitting}.values()), at.word
+    fitting = {}
+    for each in proposals:
+        if each.label.lower().startswith(at.word.lower()):
+            fitting[each.label] = each
+    return list(fitting.values()), at.word
 
 
 # -- keys ---------------------------------------------------------------------------------------------------------
@@ -58,51 +63,42 @@ def complete(analysis: Analysis, offset: int) -> tuple[list[Completion], str]:
 
 def _keys(analysis: Analysis, inside: Path, word: str) -> Iterator[Completion]:
     """Yield the keys that the mapping at a path may have, and that it does not have yet; a word of one is written."""
-    present = _present(analysis, inside) - {word}
+    present = set(analysis.entries(*inside)) - {word}
     for schema in schemas(inside):
         for key, about in schema.get("properties", {}).items():
             if key not in present and about is not False:
                 yield Completion(key, "key", type_of(about), about.get("description", ""))
-    for name, noun in _entries(analysis, inside):
+    kind, entries = _entries(analysis, inside)
+    for name in entries:
         if name not in present:
-            yield Completion(name, noun)
+            yield Completion(name, kind)
+    if kind == "label" and "rows" in inside and "else" not in present:
+        yield Completion("else", "keyword")
 
 
-def _present(analysis: Analysis, path: Path) -> set[str]:
-    node: Any = analysis.sections
-    for step in path:
-        try:
-            node = node[step]
-        except (KeyError, IndexError, TypeError):
-            return set()
-    if isinstance(node, dict):
-        return set(node)
-    return set()
-
-
-def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:
-    """Yield the names that are keys of a section: of components, of labels in rows of a table."""
+def _entries(analysis: Analysis, path: Path) -> tuple[str, list[str]]:
+    """Return the names that are keys of a section, and their kind: of components, of labels in rows of a table."""
     attempt = analysis.attempt(path)
     if attempt is None:
-        return
+        return "", []
     context = attempt.names.context
+    state = all_names(context.state)
+    action = all_names(context.action)
+    in_examples = {"state": state, "next": state, "action": action, "expert": action}
     section = own(path)
-    components = {"state": context.state, "next": context.state, "action": context.action, "expert": context.action}
     if section == ("dynamics",):
-        yield from ((c.name + "'", "state") for c in context.state)
-    elif section[:1] == ("examples",) and section[-1] in components:
-        yield from ((c.name, section[-1]) for c in components[str(section[-1])])
-    elif section == ("initial",):
-        yield from ((c.name, "state") for c in context.state)
-    elif section == ("expert",):
-        yield from ((c.name, "action") for c in context.action)
-    elif "for" in section or section[-1:] == ("parameters",):
-        yield from ((parameter.name, "parameter") for parameter in context.parameters)
-    elif section and section[0] not in ("parameters", "state", "action", "figure", "constants", "roles"):
-        for domain in context.domains:
-            yield from ((label, "label") for label in domain.labels)
-        if "rows" in section:
-            yield "else", "keyword"
+        return "state", [f"{name}'" for name in state]
+    if section == ("initial",):
+        return "state", state
+    if section == ("expert",):
+        return "action", action
+    if section[:1] == ("examples",) and section[-1] in in_examples:
+        return str(section[-1]), in_examples[str(section[-1])]
+    if "for" in section or section[-1:] == ("parameters",):
+        return "parameter", all_names(context.parameters)
+    if not section or section[0] in ("parameters", "state", "action", "figure", "constants", "roles"):
+        return "", []
+    return "label", list(chain.from_iterable(domain.labels for domain in context.domains))
 
 
 # -- values -------------------------------------------------------------------------------------------------------
@@ -114,8 +110,10 @@ def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]
         for option in schema.get("enum", ()):
             yield Completion(str(option), "value", documentation=schema.get("description", ""))
         if schema.get("type") == "boolean":
-            yield from (Completion(word, "value") for word in ("true", "false"))
-    yield from (Completion(word, "value") for word in _words(analysis, path))
+            yield Completion("true", "value")
+            yield Completion("false", "value")
+    for word in _words(analysis, path):
+        yield Completion(word, "value")
     if own(path)[:1] == ("claims",):
         yield from _claim_words()
         yield from names(analysis.scope(path))
@@ -148,23 +146,18 @@ def _words(analysis: Analysis, path: Path) -> Iterable[str]:
 
 
 def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
-    written: Any = analysis.sections
-    for step in path:
-        try:
-            written = written[step]
-        except (KeyError, IndexError, TypeError):
-            written = ""
-    for match in re.finditer(r"\bfor ([\w, ]+?) in\b", f"{written} {before}"):
+    for match in re.finditer(r"\bfor ([\w, ]+?) in\b", f"{analysis.written(path)} {before}"):
         yield from re.findall(r"\w+", match[1])
     if own(path)[:1] == ("definitions",):
         yield from signature(str(path[-1]))[1] or ()
 
 
 def _is_expression(path: Path) -> bool:
-    titles = set()
     for end in range(1, len(path) + 1):
-        titles |= {schema.get("title") for schema in schemas(path[:end])}
-    return not titles.isdisjoint(_EXPRESSIONS)
+        for schema in schemas(path[:end]):
+            if schema.get("title") in _EXPRESSIONS:
+                return True
+    return False
 
 
 def names(scope: Scope | None) -> Iterator[Completion]:
@@ -184,22 +177,19 @@ def _language(with_draws: bool) -> tuple[Completion, ...]:
     entries = [Completion(each.name, "function", each.signature, each.doc) for each in FUNCTIONS.values()]
     if with_draws:
         for dist in (CATEGORICAL, *DISTS.values()):
-            arguments = ", ".join(each.name for each in dist.arguments)
-            entries += [Completion(each.name, "argument", dist.name) for each in dist.arguments]
-            entries.append(Completion(dist.name, "distribution", f"{dist.name}({arguments})", dist.doc))
+            arguments = all_names(dist.arguments)
+            entries += [Completion(name, "argument", dist.name) for name in arguments]
+            entries.append(Completion(dist.name, "distribution", f"{dist.name}({', '.join(arguments)})", dist.doc))
         entries.append(Completion("shape", "argument", "of a vector of draws"))
-    entries += [Completion(name, "constant", setting(value)) for name, value in CONSTANTS.items()]
+    for name, value in CONSTANTS.items():
+        entries.append(Completion(name, "constant", setting(value)))
     return (*entries, *(Completion(word, "keyword") for word in KEYWORDS))
 
 
 @lru_cache
 def _claim_words() -> tuple[Completion, ...]:
     words = []
-    for kind, table in (
-        ("result", claim_rules.RESULTS),
-        ("function", claim_rules.FUNCTIONS),
-        ("model", claim_rules.MODELS),
-    ):
+    tables = {"result": claim_rules.RESULTS, "function": claim_rules.FUNCTIONS, "model": claim_rules.MODELS}
+    for kind, table in tables.items():
         words += [Completion(name, kind, word.written, word.doc) for name, word in table.items()]
-    words += [Completion(word, "argument") for word in ("under", "at")]
-    return tuple(words)
+    return (*words, Completion("under", "argument"), Completion("at", "argument"))

@@ -132,8 +132,11 @@ def _gaps(value: str) -> Iterator[Change]:
         is_called = is_operand and right in ("(", "[")
         is_slice = left == ":" and around[-1:] != ["{"]
         is_edge = kinds[0] == "open" or kinds[1] == "close" or right in (",", ":")
-        is_tight = is_sign or is_called or is_slice or is_edge or {left, right} & {"**", "="}
-        yield before.end(), token.start(), "" if is_tight else " "
+        is_tight = is_sign or is_called or is_slice or is_edge or left in ("**", "=") or right in ("**", "=")
+        gap = " "
+        if is_tight:
+            gap = ""
+        yield before.end(), token.start(), gap
 
 
 # -- tables -------------------------------------------------------------------------------------------------------
@@ -180,8 +183,15 @@ def _shape(row: _Row, text: str) -> tuple[Any, ...]:
 def _columns(rows: Sequence[_Row], text: str) -> list[Change]:
     """Return the changes that align rows; none where a line would become too long."""
     lines = [_cells(node) for _, node in rows]
-    widths = [max(end - start for start, end in column) for column in zip(*lines, strict=True)]
-    begin = max(_column(text, node.start if key is None else key.end + len(": ")) for key, node in rows)
+    widths = [0] * len(lines[0])
+    begin = 0
+    for (key, node), cells in zip(rows, lines, strict=True):
+        for i, (start, end) in enumerate(cells):
+            widths[i] = max(widths[i], end - start)
+        if key is None:
+            begin = max(begin, _column(text, node.start))
+        else:
+            begin = max(begin, _column(text, key.end + len(": ")))
     if begin + sum(widths) + len(", ") * len(widths) > LONGEST:
         return []
     changes: list[Change] = []
@@ -190,8 +200,10 @@ def _columns(rows: Sequence[_Row], text: str) -> list[Change]:
             changes.append((key.end, node.start, ":".ljust(begin - _column(text, key.end))))
         for (start, end), (following, _), width in zip(cells, cells[1:], widths, strict=False):
             changes.append((end, following, ", ".ljust(width - (end - start) + len(", "))))
-    is_plain = all(text[start:end].strip() == gap.strip() for start, end, gap in changes)
-    return changes if is_plain else []
+    for start, end, gap in changes:
+        if text[start:end].strip() != gap.strip():
+            return []
+    return changes
 
 
 def _cells(node: Node) -> list[tuple[int, int]]:

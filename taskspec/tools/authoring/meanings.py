@@ -11,6 +11,7 @@ from typing import Any
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Fix, Origin, Span
 from taskspec.base.display import interval, setting
+from taskspec.base.named import all_names
 from taskspec.exact.rules import claim_rules
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.dists import CATEGORICAL, DISTS
@@ -23,7 +24,7 @@ from taskspec.language.task.names import signature
 from taskspec.language.task.questions import constant
 from taskspec.language.task.schema.export import forms_of, json_schema, schemas_at
 from taskspec.show.printers import text as printed
-from taskspec.tools.authoring.analysis import Analysis
+from taskspec.tools.authoring.analysis import Analysis, name_span
 from taskspec.tools.authoring.repair import cursor, word_at
 
 _CALLED = re.compile(r"[^\W\d]\w*$")
@@ -57,12 +58,9 @@ def hover(analysis: Analysis, offset: int) -> str | None:
     at = cursor(analysis.text, start + len(word), analysis.name)
     if at.kind == "text":
         return None
-    language = _of_language(word)
+    language = _call(word, None)
     if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
-        texts = [each["description"] for each in schemas(at.path) if "description" in each]
-        if texts:
-            return f"`{word}`: {texts[0]}"
-        return None
+        return _of_key(word, at.path)
     scope = analysis.scope(at.path)
     bound = None
     if scope is not None:
@@ -70,12 +68,14 @@ def hover(analysis: Analysis, offset: int) -> str | None:
     lines = []
     declaration = analysis.declarations.get(word.rstrip("'"))
     if declaration is not None:
-        lines.append(f"`{word}`: {declaration.noun}{_comma(describe(bound))}")
-        lines += filter(None, [_documentation(analysis, declaration.path)])
+        lines.append(", ".join(filter(None, [f"`{word}`: {declaration.noun}", describe(bound)])))
+        documentation = analysis.written((*declaration.path, "doc"))
+        if isinstance(documentation, str):
+            lines.append(documentation)
     elif bound is not None:
-        lines.append(f"`{word}`{_comma(describe(bound))}")
+        lines.append(", ".join(filter(None, [f"`{word}`", describe(bound)])))
     elif language is not None:
-        lines.append(language)
+        lines.append(f"`{language[0]}`: {language[1]}")
     return "\n\n".join(lines) or None
 
 
@@ -150,21 +150,18 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
     if document is None:
         return
     declared = analysis.declarations[name].path
-    if declared:
-        yield document.span(declared) if isinstance(declared[-1], int) else document.key_span(declared)
-    for node in analysis.uses(name):
-        yield node.name_place.span if isinstance(node, s.Call) else node.place.span
-    written: list[tuple[Path, Any]] = [((), analysis.sections)]
-    for key in analysis.entries("variants"):
-        written.append((("variants", key), analysis.sections["variants"][key]))
-    for path, data in written:
+    if declared and isinstance(declared[-1], int):
+        yield document.span(declared)
+    elif declared:
+        yield document.key_span(declared)
+    yield from map(name_span, analysis.uses(name))
+    parts: list[Path] = [()]
+    parts += [("variants", key) for key in analysis.entries("variants")]
+    for part in parts:
         for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
-            entries = None
-            if isinstance(data, dict):
-                entries = data.get(section)
-            for key in entries if isinstance(entries, dict) else ():
+            for key in analysis.entries(*part, section):
                 if signature(str(key).rstrip("'"))[0] == name:
-                    yield document.key_span((*path, section, key))
+                    yield document.key_span((*part, section, key))
 
 
 def _of_node(node: Expression, domain: Domain | None) -> str:
@@ -187,27 +184,11 @@ def _labels(domain: Domain) -> str:
     return f"choice of {domain.listed}"
 
 
-def _comma(text: str) -> str:
-    return f", {text}" if text else ""
-
-
-def _documentation(analysis: Analysis, path: Path) -> str | None:
-    entry: Any = analysis.sections
-    for step in path:
-        try:
-            entry = entry[step]
-        except (KeyError, IndexError, TypeError):
-            return None
-    if isinstance(entry, dict) and isinstance(entry.get("doc"), str):
-        return str(entry["doc"])
+def _of_key(key: str, path: Path) -> str | None:
+    for schema in schemas(path):
+        if "description" in schema:
+            return f"`{key}`: {schema['description']}"
     return None
-
-
-def _of_language(word: str) -> str | None:
-    call = _call(word, None)
-    if call is None:
-        return None
-    return f"`{call[0]}`: {call[1]}"
 
 
 def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
@@ -220,7 +201,7 @@ def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
         return FUNCTIONS[word].signature, FUNCTIONS[word].doc
     for dist in (CATEGORICAL, *DISTS.values()):
         if dist.name == word:
-            return f"{word}({', '.join(each.name for each in dist.arguments)})", dist.doc
+            return f"{word}({', '.join(all_names(dist.arguments))})", dist.doc
     said = claim_rules.FUNCTIONS.get(word) or claim_rules.MODELS.get(word)
     if said is None:
         return None
@@ -256,8 +237,11 @@ def _root() -> dict[str, Any]:
 
 
 def type_of(schema: dict[str, Any]) -> str:
-    kinds = [each.get("title") or each.get("type") for each in forms_of(_root(), schema)]
-    return next((str(kind) for kind in kinds[::-1] if isinstance(kind, str) and kind != "null"), "")
+    for form in reversed(list(forms_of(_root(), schema))):
+        kind = form.get("title") or form.get("type")
+        if isinstance(kind, str) and kind != "null":
+            return kind
+    return ""
 
 
 # -- words in the expressions of a text, for editors that colour by meaning -------------------------------------------
@@ -285,7 +269,8 @@ def tokens(analysis: Analysis) -> list[tuple[str, Span]]:
                     span = place.span
                     if span.origin.name == analysis.name and span.line == span.end_line:
                         kinds[span] = kind
-    return [(kind, span) for span, kind in sorted(kinds.items(), key=lambda each: (each[0].line, each[0].column))]
+    in_order = sorted(kinds, key=lambda span: (span.line, span.column))
+    return [(kinds[span], span) for span in in_order]
 
 
 def _token(node: object, analysis: Analysis) -> tuple[s.Place | None, str]:
@@ -298,5 +283,7 @@ def _token(node: object, analysis: Analysis) -> tuple[s.Place | None, str]:
             return place, "enumMember"
         case s.Name(id=name, place=place):
             declared = analysis.declarations.get(name)
-            return place, _NOUNS.get(declared.noun, "variable") if declared else "variable"
+            if declared is None:
+                return place, "variable"
+            return place, _NOUNS.get(declared.noun, "variable")
     return None, ""

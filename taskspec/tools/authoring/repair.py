@@ -57,7 +57,7 @@ def _repair(
     """
     before = _line_of(problems, len(lines)) or 0
     candidates = [(number, candidate) for candidate in _candidates(lines[number - 1])]
-    above = next((at for at in range(number - 1, 0, -1) if lines[at - 1].strip()), None)
+    above = _next(number, set(), lines)
     if above is not None and _BEGUN.match(lines[above - 1]):  # a key that is begun is noticed a line further down
         candidates.insert(0, (above, f"{lines[above - 1].rstrip()}: ~"))
     for at, candidate in candidates:
@@ -160,15 +160,19 @@ def cursor(text: str, offset: int, name: str) -> Cursor:
         return Cursor((), "text")
     path, is_key, value = place
     before = value.partition(_MARK)[0]
-    word = _PARTIAL.search(before)
-    return Cursor(path, "key" if is_key else "value", before, word.group() if word else "")
+    word = ""
+    partial = _PARTIAL.search(before)
+    if partial is not None:
+        word = partial.group()
+    if is_key:
+        return Cursor(path, "key", before, word)
+    return Cursor(path, "value", before, word)
 
 
 def word_at(text: str, offset: int) -> tuple[str, int]:
     """Return the word, with its prime, that an offset is in or at the end of, and where it begins; an empty one elsewhere."""
     start = text.rfind("\n", 0, offset) + 1
-    end = text.find("\n", offset)
-    line = text[start : end if end >= 0 else len(text)]
+    line = text[start:offset] + text[offset:].partition("\n")[0]
     for match in _WORD.finditer(line):
         if match.start() <= offset - start <= match.end():
             return match.group(), start + match.start()

@@ -70,7 +70,9 @@ def write_scaffold(name: str, output: Path | None = None) -> Path:
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name).lower()
     if not is_file:
         path = Path(f"{words.replace(' ', '_')}.yaml")
-    if output is not None:
-        path = output / path if output.is_dir() else output
+    if output is not None and output.is_dir():
+        path = output / path
+    elif output is not None:
+        path = output
     write_text(path, SCAFFOLD.format(name=name, title=words.capitalize()), new=True)
     return path

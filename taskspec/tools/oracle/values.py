@@ -188,21 +188,15 @@ def _in_rationals(model: Model, pi: Array) -> PolicyEvaluation:
     V = np.full((len(pi) + 1, model.n_states), Fraction(0), dtype=object)
     Q = np.full(pi.shape, Fraction(0), dtype=object)
     for t, q, value in backward(numbers.backup, choose, numbers.zero(), len(pi)):
-        Q[t] = _fractions(q).T
-        V[t] = _fractions(value)
+        Q[t] = q.fractions().T
+        V[t] = value.fractions()
     d = np.full((len(pi), model.n_states), Fraction(0), dtype=object)
-    start = _fractions(numbers.start)
+    start = numbers.start.fractions()
     now = start
     for t in range(len(pi)):
         d[t] = now
         now = numbers.discount * _moved(numbers, t, now[:, None] * pi[t])
     return PolicyEvaluation(model, pi, V, Q, d, (start * V[0]).sum())
-
-
-def _fractions(values: Scaled) -> Array:
-    fractions = np.empty(values.parts.shape, dtype=object)
-    fractions.reshape(-1)[:] = [Fraction(part, values.over) for part in values.parts.reshape(-1).tolist()]
-    return fractions
 
 
 def _moved(numbers: Rational, t: int, acting: Array) -> Array:

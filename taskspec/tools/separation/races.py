@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import plural
 from taskspec.base.limits import also
 from taskspec.exact.scores.returns import Results
 from taskspec.language import registry
@@ -79,10 +81,13 @@ def rounds(family: ExperimentFile, seed: int) -> Iterator[list[Instance]]:
     while True:
         expanded = expand(_sampled(family, 1_000_003 * seed + number))
         expanded.raise_if_wrong()
-        new = [each for each in expanded.instances if each.problem is None and each.id not in known]
+        new = []
+        for instance in expanded.instances:
+            if instance.problem is None and instance.id not in known:
+                known.add(instance.id)
+                new.append(instance)
         if not new:
             return
-        known.update(each.id for each in new)
         yield new
         number += 1
 
@@ -90,14 +95,12 @@ def rounds(family: ExperimentFile, seed: int) -> Iterator[list[Instance]]:
 def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:
     entries = []
     for entry in family.experiment.tasks:
-        given = entry.sample
-        if given is not None:
-            if isinstance(given, int):
-                count = given
-            else:
-                count = given.count
-            given = Sample(count=count, seed=seed)
-        entries.append(entry.model_copy(update={"sample": given}))
+        if entry.sample is not None:
+            count = entry.sample
+            if isinstance(count, Sample):
+                count = count.count
+            entry = entry.model_copy(update={"sample": Sample(count=count, seed=seed)})
+        entries.append(entry)
     return replace(family, experiment=family.experiment.model_copy(update={"tasks": entries}))
 
 
@@ -118,34 +121,32 @@ def race(
         if random is None or best is None or not best.value - random.value > 1e-6:
             return [None] * len(learners)
         unit = best.value - random.value
-        found: list[list[float] | None] = []
+        scores: list[list[float] | None] = []
         for one in learners:
             try:
-                returns = [_return(one, results, seed, steps) for seed in seeds]
-                found.append([max(-1.0, (value - random.value) / unit) for value in returns])
+                returns = np.array([_return(one, results, seed, steps) for seed in seeds])
+                scores.append(np.maximum(-1.0, (returns - random.value) / unit).tolist())
             except CannotLearn:
-                found.append(None)
-        return found
+                scores.append(None)
+        return scores
 
 
 def _return(one: Examinee, results: Results, seed: int, steps: int) -> float:
     train = one.trainer()
-    learned = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
+    policy = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
     if one.together:
-        (learned,) = learned
-    if isinstance(learned, Learned):
-        policy = learned.policy
-    else:
-        policy = learned
+        (policy,) = policy
+    if isinstance(policy, Learned):
+        policy = policy.policy
     return observed_value(results, policy, seed).deterministic.value
 
 
 def _task(subject: Subject) -> Task:
-    found = tables_of(subject)
-    if found is None:
-        assert isinstance(subject, Instance)
-        return subject.load()
-    return task_of_tables(found)
+    tables = tables_of(subject)
+    if tables is not None:
+        return task_of_tables(tables)
+    assert isinstance(subject, Instance)
+    return subject.load()
 
 
 def tables_of(subject: Subject) -> FrozenTask | None:
@@ -167,5 +168,7 @@ def size_of(subject: Subject) -> str:
     """Return the numbers of states, actions and steps in words; the id of an instance."""
     if isinstance(subject, Instance):
         return subject.id
-    counts = ((len(subject.states), "state"), (len(subject.actions), "action"), (subject.horizon or math.inf, "step"))
-    return ", ".join(f"{count:g} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
+    steps = "inf steps"
+    if subject.horizon is not None:
+        steps = plural(subject.horizon, "step")
+    return f"{plural(len(subject.states), 'state')}, {plural(len(subject.actions), 'action')}, {steps}"

@@ -22,7 +22,7 @@ from taskspec.learn.exam.examinee import Examinee
 from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.jobs.engines import Workers
-from taskspec.learn.statistics import ALARM, Difference, differences, seeds_interval
+from taskspec.learn.statistics import ALARM, differences, seeds_interval
 from taskspec.show.terminal.styled_text import console, line
 from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
 from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
@@ -61,11 +61,10 @@ class Separation:
     @property
     def intervals(self) -> list[tuple[float, float, float]]:
         """Mean score and its 95 % interval of both learners."""
-        found = []
+        means = []
         for values in self.scores:
-            low, high = seeds_interval(values)
-            found.append((float(np.mean(values)), low, high))
-        return found
+            means.append((float(np.mean(values)), *seeds_interval(values)))
+        return means
 
 
 # -- the search ---------------------------------------------------------------------------------------------------------
@@ -114,9 +113,9 @@ class Search:
 
     def _search(self) -> None:
         for instances in races.rounds(self.family, self.seed):
-            for found in self._finalists(instances):
-                if self._test(found):
-                    self._shrink(found)
+            for subject in self._finalists(instances):
+                if self._test(subject):
+                    self._shrink(subject)
                     return
                 if self.tests >= races.TESTS:
                     return
@@ -128,15 +127,12 @@ class Search:
         while len(gaps) < len(instances) and not self._is_over():
             gaps += self._gaps(instances[len(gaps) : len(gaps) + races.CHUNK], races.SCREENING, ())
         self.tried += len(gaps)
-        order = sorted(range(len(gaps)), key=lambda i: -abs(gaps[i]))
-        apart = [instances[i] for i in order if abs(gaps[i]) >= races.GAP]
+        apart = [instances[i] for i in _largest_gaps(gaps)]
         self.progress(f"{self.tried} tasks tried; the learners differ on {len(apart)} of the last {len(gaps)}")
         for i in range(0, len(apart), races.CHUNK):
             chunk = apart[i : i + races.CHUNK]
-            again = self._gaps(chunk, races.CHECKING)
-            for k in sorted(range(len(chunk)), key=lambda k: -abs(again[k])):
-                if abs(again[k]) >= races.GAP:
-                    yield races.tables_of(chunk[k]) or chunk[k]
+            for k in _largest_gaps(self._gaps(chunk, races.CHECKING)):
+                yield races.tables_of(chunk[k]) or chunk[k]
             if self._is_over():
                 return
 
@@ -150,10 +146,10 @@ class Search:
             if self.second is None:
                 judged.append(second)
             is_mastered = all(each is None or min(each) >= races.MASTERED for each in judged)
-            if first is None or second is None or not is_mastered:
-                gaps.append(0.0)
-            else:
-                gaps.append(float(np.mean(first) - np.mean(second)))
+            gap = 0.0
+            if first is not None and second is not None and is_mastered:
+                gap = float(np.mean(first) - np.mean(second))
+            gaps.append(gap)
         return gaps
 
     def _races(
@@ -164,11 +160,15 @@ class Search:
         for subject, seeds in wanted:
             calls.append((subject, tuple(each.elsewhere() for each in learners), seeds, self.steps, limits))
         endings = self.pool.map(races.race, calls, races.SECONDS)
-        failed = [ending for ending in endings if ending.status != "done"]
-        if len(failed) == len(endings):
-            raise spec_error("E713", f"a learner fails on every task: {failed[0].message}")
-        lost: list[list[float] | None] = [None] * len(learners)
-        return [lost if ending.result is None else json.loads(ending.result) for ending in endings]
+        if all(ending.status != "done" for ending in endings):
+            raise spec_error("E713", f"a learner fails on every task: {endings[0].message}")
+        scores: list[list[list[float] | None]] = []
+        for ending in endings:
+            if ending.result is None:
+                scores.append([None] * len(learners))
+            else:
+                scores.append(json.loads(ending.result))
+        return scores
 
     def _test(self, subject: Subject) -> bool:
         """Test a difference on fresh seeds, and keep the task if it is there."""
@@ -182,24 +182,27 @@ class Search:
                 return False
             one += scores[0]
             other += scores[1]
-        found = _difference((one, other))
-        if abs(found.effect) < races.GAP or found.p_value > ALARM / 2**self.tests:
+        table = np.array(one + other)[:, None]
+        difference = differences(table, np.arange(len(table)) < len(one))[0]
+        if abs(difference.effect) < races.GAP or difference.p_value > ALARM / 2**self.tests:
             return False
         worse, better = self.pair
-        if found.effect > 0:
+        if difference.effect > 0:
             worse, better = better, worse
             one, other = other, one
         self.best = Separation(
-            worse.name, better.name, (tuple(one), tuple(other)), subject, found.p_value, self.tried,
+            worse.name, better.name, (tuple(one), tuple(other)), subject, difference.p_value, self.tried,
             (*self.best.path, races.size_of(subject)),
         )  # fmt: skip
-        self.progress(f"{self.best.worse} is worse by {abs(found.effect):.2f} on a task of {races.size_of(subject)}")
+        self.progress(
+            f"{self.best.worse} is worse by {abs(difference.effect):.2f} on a task of {races.size_of(subject)}"
+        )
         return True
 
-    def _shrink(self, found: Subject) -> None:
+    def _shrink(self, subject: Subject) -> None:
         """Keep the smallest version of a task that still separates, on fresh seeds."""
-        if isinstance(found, FrozenTask):
-            (gap,) = self._gaps([found], SHRINKING)
+        if isinstance(subject, FrozenTask):
+            (gap,) = self._gaps([subject], SHRINKING)
 
             def holds(tasks: Sequence[FrozenTask]) -> list[bool]:
                 answers = []
@@ -207,16 +210,16 @@ class Search:
                     answers.append(each * gap > 0 and abs(each) >= max(races.GAP, KEPT_GAP * abs(gap)))
                 return answers
 
-            path = shrink(found, holds, self._is_over)
+            path = shrink(subject, holds, self._is_over)
             while len(path) > 1 and self.tests < races.TESTS and not self._test(path[-1]):
                 path = path[: len(path) // 2]  # shrunk too far
         self.best = replace(self.best, is_complete=not self._is_over())
 
 
-def _difference(scores: Sequence[Sequence[float]]) -> Difference:
-    table = np.concatenate(scores)[:, None]
-    is_first = np.arange(len(table)) < len(scores[0])
-    return differences(table, is_first)[0]
+def _largest_gaps(gaps: Sequence[float]) -> list[int]:
+    """Return where learners differ, the largest difference first."""
+    apart = [i for i, gap in enumerate(gaps) if abs(gap) >= races.GAP]
+    return sorted(apart, key=lambda i: -abs(gaps[i]))
 
 
 def finding(separation: Separation, family: str) -> FrozenTask:
@@ -269,7 +272,7 @@ def record(separation: Separation) -> dict[str, Any]:
     data: dict[str, Any] = {name: getattr(separation, name) for name in names}
     data["means"] = []
     if separation.worse:
-        data["means"] = [{"mean": mean, "low": low, "high": high} for mean, low, high in separation.intervals]
+        data["means"] = [dict(zip(("mean", "low", "high"), each, strict=True)) for each in separation.intervals]
     data["task"] = None
     if isinstance(separation.task, FrozenTask):
         data["task"] = spec_text(separation.task)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
 
 from taskspec.exact.solve.outcomes import Outcome
 from taskspec.tools.exchange.frozen_task import FrozenTask, Rows, visited
@@ -26,28 +27,31 @@ def shrink(task: FrozenTask, holds: Holds, is_over: Callable[[], bool]) -> list[
     path = [task]
     while not is_over():
         candidates = list(smaller(path[-1]))
-        found = None
+        held: list[FrozenTask] = []
         for i in range(0, len(candidates), BATCH):
             batch = candidates[i : i + BATCH]
-            answers = holds(batch)
-            found = next((each for each, answer in zip(batch, answers, strict=True) if answer), None)
-            if found is not None or is_over():
+            held = list(compress(batch, holds(batch)))
+            if held or is_over():
                 break
-        if found is None:
+        if not held:
             return path
-        path.append(found)
+        path.append(held[0])
     return path
 
 
 def size(task: FrozenTask) -> tuple[int, ...]:
     """Return how large a task is; what comes first counts most."""
-    outcomes = [outcome for _, _, outcome in task.steps()]
-    rows = sum(len(set(by_action)) for by_action in task.outcomes)
-    paid = [outcome.reward for outcome in outcomes if outcome.reward != 0]
-    return (
-        len(task.states), len(task.actions), task.horizon or 0, sum(p > 0 for p in task.start), len(outcomes), rows, len(paid),
-        sum(outcome.ends for outcome in outcomes), sum(abs(reward) != 1 for reward in paid),
-    )  # fmt: skip
+    rows = 0
+    for by_action in task.outcomes:
+        rows += len(set(by_action))
+    outcomes = paid = ends = others = 0
+    for _, _, outcome in task.steps():
+        outcomes += 1
+        paid += outcome.reward != 0
+        ends += outcome.ends
+        others += abs(outcome.reward) not in (0, 1)
+    sizes = (len(task.states), len(task.actions), task.horizon or 0, len(task.starts))
+    return (*sizes, outcomes, rows, paid, ends, others)
 
 
 def smaller(task: FrozenTask) -> Iterator[FrozenTask]:
@@ -55,10 +59,11 @@ def smaller(task: FrozenTask) -> Iterator[FrozenTask]:
     seen = set()
     for change in (_fewer_states, _fewer_actions, _fewer_steps, _one_start, _fewer_outcomes, _equal_actions, _plainer):
         for changed in change(task):
-            found = visited(changed)
-            if size(found) < size(task) and found.outcomes not in seen:
-                seen.add(found.outcomes if found.horizon == task.horizon else (found.outcomes, found.horizon))
-                yield found
+            version = visited(changed)
+            if size(version) < size(task) and version.outcomes not in seen:
+                if version.horizon == task.horizon:
+                    seen.add(version.outcomes)
+                yield version
 
 
 def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
@@ -70,7 +75,9 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
         for way in ("stay", "start", "end"):
             rows = []
             for s, by_action in enumerate(task.outcomes):
-                target = first if way == "start" else s
+                target = s
+                if way == "start":
+                    target = first
                 rows.append(tuple(_redirected(outcomes, gone, target, way == "end") for outcomes in by_action))
             start = list(task.start)
             start[gone] = 0.0
@@ -79,29 +86,28 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
 
 
 def _redirected(outcomes: Sequence[Outcome], gone: int, target: int, ends: bool) -> tuple[Outcome, ...]:
-    found: dict[int, Outcome] = {}
+    merged: dict[int, Outcome] = {}
     for outcome in outcomes:
         moved = outcome
         if outcome.state == gone:
             moved = replace(outcome, state=target, ends=outcome.ends or ends)
-        known = found.get(moved.state)
+        known = merged.get(moved.state)
         if known is not None:
             probability = known.probability + moved.probability
             paid = known.probability * known.reward + moved.probability * moved.reward
             moved = Outcome(probability, moved.state, paid / probability, known.ends or moved.ends)
-        found[moved.state] = moved
-    return tuple(found.values())
+        merged[moved.state] = moved
+    return tuple(merged.values())
 
 
 def _fewer_actions(task: FrozenTask) -> Iterator[FrozenTask]:
     if len(task.actions) <= 2:
         return
     for gone in range(len(task.actions)):
-        kept = [a for a in range(len(task.actions)) if a != gone]
         rows = []
         for by_action in task.outcomes:
-            rows.append(tuple(by_action[a] for a in kept))
-        yield replace(task, actions=tuple(task.actions[a] for a in kept), outcomes=tuple(rows))
+            rows.append(by_action[:gone] + by_action[gone + 1 :])
+        yield replace(task, actions=task.actions[:gone] + task.actions[gone + 1 :], outcomes=tuple(rows))
 
 
 def _fewer_steps(task: FrozenTask) -> Iterator[FrozenTask]:
@@ -124,7 +130,9 @@ def _one_start(task: FrozenTask) -> Iterator[FrozenTask]:
 def _fewer_outcomes(task: FrozenTask) -> Iterator[FrozenTask]:
     for s, by_action in enumerate(task.outcomes):
         for a, outcomes in enumerate(by_action):
-            for outcome in outcomes if len(outcomes) > 1 else ():
+            if len(outcomes) == 1:
+                continue
+            for outcome in outcomes:
                 yield replace(task, outcomes=_with_row(task.outcomes, s, a, (replace(outcome, probability=1.0),)))
 
 
