@@ -20,8 +20,10 @@ Step = Callable[[Any, Any, Any, float, bool, bool, dict[str, Any]], None]
 def legend(task: Task) -> list[tuple[str, str]]:
     """Keys and what they do, in words."""
     shown = {code: name for name, code in ARROWS.items()}
-    keys = [shown.get(code) or chr(code) for (code,) in keys_to_action(task)]
-    return list(zip(keys, names(task), strict=True))
+    pairs = []
+    for (code,), name in zip(keys_to_action(task), names(task), strict=True):
+        pairs.append((shown.get(code) or chr(code), name))
+    return pairs
 
 
 class Warned(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -43,11 +43,11 @@ def _values(value: Any) -> Iterator[Problem]:
 def _span(value: dict[str, Any]) -> Iterator[Problem]:
     key = next(iter(value), "")
     if key not in SPANS or len(value) > 1:
-        stray = next((name for name in value if name not in SPANS), None)
-        if stray is not None:
-            yield values.unknown_key(stray, tuple(SPANS)).below(stray)
-        else:
-            yield wrong_kind("one of `range`, `logrange`, `uniform`, `loguniform`", value)
+        for name in value:
+            if name not in SPANS:
+                yield values.unknown_key(name, tuple(SPANS)).below(name)
+                return
+        yield wrong_kind("one of `range`, `logrange`, `uniform`, `loguniform`", value)
         return
     numbers, (least, most) = value[key], LENGTHS[key]
     if not isinstance(numbers, list) or not least <= len(numbers) <= most:
@@ -125,9 +125,7 @@ class TaskEntry(Strict):
 
 
 def _together(entry: TaskEntry) -> Iterator[Problem]:
-    lengths = {}
-    for name, each in entry.zip.items():
-        lengths[name] = len(each)
+    lengths = {name: len(each) for name, each in entry.zip.items()}
     for name, length in lengths.items():
         if name in entry.parameters:
             yield Problem("E205", ("zip", name), f"`{name}` has values under `parameters`, too", None, of_key=True)
@@ -216,7 +214,9 @@ class Evaluation(Strict):
             steps = self.horizon
         else:
             steps = int(self.horizon.split()[0]) * horizon
-        return steps if steps > horizon else None
+        if steps <= horizon:
+            return None
+        return steps
 
 
 class ExamDocument(Strict):

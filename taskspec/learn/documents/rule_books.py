@@ -71,8 +71,10 @@ def read_findings(path: str | os.PathLike[str]) -> RuleBook:
 
 def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
     """Return a file of a suite, `EXAM` or `FINDINGS`, by the name or folder of the suite; None if it has none."""
-    places = (Path(suite) / name, registry.tasks_root() / suite / name)
-    return next((path for path in places if path.is_file()), None)
+    for path in (Path(suite) / name, registry.tasks_root() / suite / name):
+        if path.is_file():
+            return path
+    return None
 
 
 def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str, key: str) -> RuleBook:

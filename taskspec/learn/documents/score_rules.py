@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import chain
 from typing import Any, NoReturn
 
 import numpy as np
@@ -124,7 +125,10 @@ def seed_means(records: Iterable[Mapping[str, Any]], number: Callable[[Any], flo
         value = number(record)
         if value is not None:
             numbers[record["seed"]].append(float(value))
-    return {seed: float(np.mean(numbers[seed])) for seed in sorted(numbers)}
+    means = {}
+    for seed in sorted(numbers):
+        means[seed] = float(np.mean(numbers[seed]))
+    return means
 
 
 def short_name(task: str) -> str:
@@ -174,7 +178,7 @@ class SeedScores:
         """Return one number for each seed (n,), seeds in order; the mean over twins if there are several."""
         if self.drawn and entry == "deterministic":
             entry = "stochastic"
-        records = [r for r in self.records.get((learner, task, side), ()) if r.get("error") is None]
+        records = _without_errors(self.records.get((learner, task, side), ()))
         by_seed = seed_means(records, lambda record: record.get(entry))
         if not by_seed:
             of = f"{learner} on " * bool(learner)
@@ -201,10 +205,14 @@ class SeedScores:
         exam = self.exams.get(ONE, {})
         if name == "learns_from" and name in exam:
             return float(what in exam[name])
-        amounts = [score[what] for score in exam.get("scores", ()) if score.get("error") is None and what in score]
+        amounts = [score[what] for score in _without_errors(exam.get("scores", ())) if what in score]
         if name == "learns_from" or not amounts:
             raise Undecidable(f"{name}({what}) is not known")
         return float(np.mean(amounts))
+
+
+def _without_errors(records: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    return (record for record in records if record.get("error") is None)
 
 
 # -- evaluation -----------------------------------------------------------------------------------
@@ -309,13 +317,16 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         except Undecidable as error:
             return Truth(None, (Comparison(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
         difference = a.map(np.subtract, b)
-        estimated = [(e, n) for e, n in ((left, a), (right, b)) if not isinstance(e, s.Number | s.Unary)]
-        if len(estimated) == 1:
-            side, number = estimated[0]
-            text = self._text(side)
-        else:
-            number = difference
-            text = f"{self._text(left)} − {self._text(right)}"
+        is_left_given = isinstance(left, s.Number | s.Unary)
+        is_right_given = isinstance(right, s.Number | s.Unary)
+        number = difference
+        text = f"{self._text(left)} − {self._text(right)}"
+        if is_right_given and not is_left_given:
+            number = a
+            text = self._text(left)
+        elif is_left_given and not is_right_given:
+            number = b
+            text = self._text(right)
         if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
             return Truth(self._holds(op, difference))
         low, high = difference.interval
@@ -333,16 +344,23 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
 
     def _slack(self, op: str, exprs: Sequence[s.Expr]) -> float:
         """Return what is added to the difference of two sides; deviations between seeds are compared as they are."""
-        calls = [n.function for expr in exprs for n in s.names(expr) if isinstance(n, s.Call)]
-        if any(NUMBERS[name].statistic == "sd" for name in calls if name in NUMBERS):
-            return 0.0
+        for node in chain(*map(s.names, exprs)):
+            if isinstance(node, s.Call) and node.function in NUMBERS and NUMBERS[node.function].statistic == "sd":
+                return 0.0
         return {">": self.slack, ">=": self.slack, "<": -self.slack, "<=": -self.slack}.get(op, 0.0)
 
     def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        names = [n.id for expr in exprs for n in s.names(expr) if isinstance(n, s.Name)]
-        ids = dict.fromkeys(self.bound.get(name, name) for name in names)
-        known = (*self.names.tasks, *self.names.instances)
-        return tuple(i for i in ids if i in known), tuple(i for i in ids if i in self.names.learners)
+        tasks: dict[str, None] = {}
+        learners: dict[str, None] = {}
+        for node in chain(*map(s.names, exprs)):
+            if not isinstance(node, s.Name):
+                continue
+            name = self.bound.get(node.id, node.id)
+            if name in self.names.tasks or name in self.names.instances:
+                tasks[name] = None
+            if name in self.names.learners:
+                learners[name] = None
+        return tuple(tasks), tuple(learners)
 
     def _text(self, expr: s.Expr) -> str:
         written = expr.place.written
@@ -365,7 +383,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             case s.Call(function=name, args=args, keywords=keywords) if name in FUNCTIONS:
                 low, high, _ = FUNCTIONS[name]
                 if keywords or not low <= len(args) <= high:
-                    self._fail("E304", expr, f"{name} takes {low if low == high else f'{low} or more'} numbers")
+                    count = str(low)
+                    if low < high:
+                        count = f"{low} or more"
+                    self._fail("E304", expr, f"{name} takes {count} numbers")
                 return self.arithmetic(name, *map(self.number, args))
             case s.Call(function=name) if name in NUMBERS or name in FIXED:
                 return self._over_seeds(expr)
@@ -373,7 +394,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 _, known = ABOUT_LEARNER[name]
                 if expr.keywords or len(args) != 1:
                     self._fail("E304", expr, f"{name} takes one name", f"one of {', '.join(known)}")
-                what = self._name(args[0], known, "source" if name == "learns_from" else "amount")
+                what = self._name(args[0], known, {"learns_from": "source", "used": "amount"}[name])
                 return Estimate.exactly(self.scores.about_learner(name, what))
             case s.Call(function=name):
                 known = (*NUMBERS, *FIXED, *ABOUT_LEARNER, *FUNCTIONS, *QUANTIFIERS)
@@ -397,20 +418,20 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             if has_sides:
                 hint = f"behind them may stand {', '.join(SIDES)}"
             self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
-        *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
-        sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]
+        *learners, task = map(self._member, args, kinds)
+        learner = learners[0] if learners else ONE
+        side = "printed"
+        if len(args) > len(kinds):
+            side = self._name(args[-1], tuple(SIDES), "side of a task")
         if name in FIXED:
             return Estimate.exactly(self.scores.constant(task))
-        learner = next(iter(learners), ONE)
-        side = next(iter(sides), "printed")
         key = (name, learner, task, side)
         if key not in self._known:
             values = self.scores.values(learner, task, side, NUMBERS[name].entry)
-            interval = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+            number = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
             if self.of_means:
-                self._known[key] = Estimate.exactly(interval.value)
-            else:
-                self._known[key] = interval
+                number = Estimate.exactly(number.value)
+            self._known[key] = number
         return self._known[key]
 
     def _member(self, expr: s.Expr, kind: str) -> str:
@@ -419,10 +440,9 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             if self._kind_of(member) != kind:
                 self._fail("E306", expr, f"'{expr.id}' is a {self._kind_of(member)} here; a {kind} is needed")
             return member
+        known = self.names.learners
         if kind == "task":
             known = (*self.names.tasks, *self.names.instances)
-        else:
-            known = self.names.learners
         return self._name(expr, known, kind, tuple(self.bound))
 
     def _kind_of(self, member: str) -> str:
@@ -445,7 +465,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         comprehension = expr.args[0]
         for inner in self._chosen(comprehension.clauses):
             tasks, learners = inner._subjects((comprehension.element,))
-            if not any(task in self.unable.get(learner, ()) for learner in learners for task in tasks):
+            unable = chain(*(self.unable.get(learner, ()) for learner in learners))
+            if set(tasks).isdisjoint(unable):
                 yield inner.truth(comprehension.element)
 
     def _chosen(self, clauses: Sequence[s.Clause]) -> Iterator[ScoreEvaluator]:
@@ -456,7 +477,9 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         members = self._members(clause.domain)
         if len(clause.targets) != 1:
             self._fail("E316", clause.domain, "one variable goes through a group")
-        for member in members if self.collector is None else members[:1]:
+        if self.collector is not None:
+            members = members[:1]
+        for member in members:
             inner = replace(self, bound={**self.bound, clause.targets[0]: member})
             passes = list(map(inner._passes, clause.conditions))
             if all(passes) or self.collector is not None:
@@ -471,8 +494,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 return members or ()
             case s.SetOf(items=items) | s.Vector(items=items):
                 unbound = replace(self, bound={})
-                is_learners = any(isinstance(i, s.Name) and i.id in self.names.learners for i in items)
-                return tuple(unbound._member(item, "learner" if is_learners else "task") for item in items)
+                kind = "task"
+                if any(isinstance(item, s.Name) and item.id in self.names.learners for item in items):
+                    kind = "learner"
+                return tuple(unbound._member(item, kind) for item in items)
             case _:
                 self._fail("E306", expr, "a group is needed here", f"one of {', '.join(tuple(self.names.all_groups))}")
 

@@ -62,13 +62,11 @@ class LearnersExamined:
             name = exam_id(task)
             values = dict[str, Any]()
             for learner, exam in self.exams.items():
-                found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), None)
-                low = found["low"]
-                high = found["high"]
-                values[learner] = found["mean"]
-                if low is None or high is None:
-                    values[f"{learner}_half"] = None
-                else:
+                score = mean_score(list(by_seed(exam["scores"], name, "printed").values()), None)
+                low = score["low"]
+                high = score["high"]
+                values |= {learner: score["mean"], f"{learner}_half": None}
+                if low is not None and high is not None:
                     values[f"{learner}_half"] = (high - low) / 2
             measured.append(Measured(instance, "done", values))
         return tuple(measured)

@@ -20,12 +20,9 @@ from taskspec.learn.learners import learner
 
 RETURNS = ("optimal", "expert", "random", "worst")
 COLUMNS = (
-    "states",
-    "actions",
-    "horizon",
-    "discount",
-    *(f"{n}{end}" for n in RETURNS for end in ("", "_half", "_status")),
-)
+    "states", "actions", "horizon", "discount", "optimal", "optimal_half", "optimal_status", "expert", "expert_half",
+    "expert_status", "random", "random_half", "random_status", "worst", "worst_half", "worst_status",
+)  # fmt: skip
 """Columns of every result, in addition to the measures and policies that were asked for."""
 SPEEDS = ("steps_per_second", "steps_per_second_vectorized")
 FOLDER = "experiments"
@@ -49,15 +46,12 @@ class ExperimentFile:
     @property
     def learners(self) -> list[str]:
         """The learners, as `taskspec exam` takes them."""
-        return [learner_place(self.folder, name) for name in self.experiment.learners]
-
-
-def learner_place(folder: Path, learner: str) -> str:
-    """Return a learner as commands take it; paths start from a folder."""
-    is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
-    if is_file and not Path(learner).is_absolute():
-        return str(folder / learner)
-    return learner
+        places = []
+        for name in self.experiment.learners:
+            if name.endswith((".yaml", ".yml")) or is_function(name):
+                name = str(self.folder / name)
+            places.append(name)
+        return places
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:
@@ -77,10 +71,10 @@ def read(source: str | os.PathLike[str]) -> ExperimentFile:
 
 def described(document: Document) -> ExperimentFile:
     """Return the experiment that a document describes."""
-    found, problems = check_document(document, Experiment)
-    if found is None:
+    experiment, problems = check_document(document, Experiment)
+    if experiment is None:
         raise SpecError(problems)
-    return ExperimentFile(found, document, problems)
+    return ExperimentFile(experiment, document, problems)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
@@ -90,10 +84,9 @@ def read_if_experiment(source: str) -> ExperimentFile | None:
     if not source.endswith((".yaml", ".yml")) or not Path(source).is_file():
         return None
     document = read_file(Path(source))
-    is_one = isinstance(document.data, dict) and "experiment" in document.data
-    if is_one:
-        return described(document)
-    return None
+    if not isinstance(document.data, dict) or "experiment" not in document.data:
+        return None
+    return described(document)
 
 
 def find(source: str | os.PathLike[str]) -> Path:
@@ -102,17 +95,20 @@ def find(source: str | os.PathLike[str]) -> Path:
     if path.exists() or path.suffix in (".yaml", ".yml"):
         return path
     known = shipped()
-    named = [at for name, at in known.items() if str(source) in (name, name.split("/")[1])]
+    named = {}
+    for name, at in known.items():
+        if str(source) in (name, at.stem):
+            named[name] = at
     if len(named) == 1:
-        return named[0]
+        return next(iter(named.values()))
     hint = suggest(str(source), known) or f"a path ends in .yaml; with the suites come {', '.join(known) or 'none'}"
     raise SpecError([Diagnostic("E710", None, f"there is no experiment '{source}'", hint)])
 
 
 def shipped() -> dict[str, Path]:
     """Return the experiments that come with the suites, by `suite/name`."""
-    found = sorted(tasks_root().glob(f"*/{FOLDER}/*.yaml"))
-    return {f"{path.parent.parent.name}/{path.stem}": path for path in found}
+    paths = sorted(tasks_root().glob(f"*/{FOLDER}/*.yaml"))
+    return {f"{path.parent.parent.name}/{path.stem}": path for path in paths}
 
 
 def check_questions(written: ExperimentFile, collector: Collector) -> None:
@@ -143,10 +139,9 @@ def check_axes(
         elif name is not None and not names[name] and not may_be_fixed:
             message = f"'{name}' has one value in all instances of each task, so it is no axis"
             varying = [other for other, varies in names.items() if varies]
+            hint = "no parameter varies"
             if varying:
                 hint = f"these vary: {', '.join(varying)}"
-            else:
-                hint = "no parameter varies"
             collector.add("E206", written.document.span(("plot", key)), message, hint)
     if plot.x is not None and plot.x == plot.y:
         collector.add("E206", written.document.span(("plot", "y")), f"'{plot.y}' is on both axes")
@@ -166,16 +161,13 @@ def _unknown(
 def _check_shown(written: ExperimentFile, collector: Collector) -> None:
     """Report columns that the plot is to show and the results do not have."""
     experiment = written.experiment
-    numbers = [name for name in COLUMNS if not name.endswith("_status")]
+    known = [name for name in COLUMNS if not name.endswith("_status")]
     if experiment.measures is None:
-        measured = list(MEASURES)
+        known += MEASURES
     else:
-        measured = experiment.measures
+        known += experiment.measures
     if experiment.speed:
-        speeds = list(SPEEDS)
-    else:
-        speeds = []
-    known = [*numbers, *measured, *speeds]
+        known += SPEEDS
     for i, name in enumerate(experiment.plot.show):
         if name in known:
             continue

@@ -6,12 +6,12 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, spec_error
 from taskspec.base.limits import limits, tell
+from taskspec.base.named import all_names
 from taskspec.exact.policies.adapters import policy_of
 from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.language import registry
@@ -45,39 +45,36 @@ class Option:
 
 
 def options(written: str | Mapping[str, Any]) -> list[Option]:
-    """Return the options of a modifier: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as
-    well.
-    """
+    """Return the options of a modifier: two for `{sticky: [0.1, 0.25]}`."""
     if isinstance(written, str):
         return [Option(modifier(written))]
     ((name, given),) = written.items()
-    if name in MODIFIERS:
-        arguments = MODIFIERS[name].arguments
-    else:
-        arguments = ()
-    kinds = {a.name: a.kind for a in arguments}
+    arguments = MODIFIERS[name].arguments if name in MODIFIERS else ()
+    kinds = {argument.name: argument.kind for argument in arguments}
     if (not isinstance(given, dict) or set(given) & set(SPANS)) and arguments and given is not None:
         given = {arguments[0].name: given}
     if not isinstance(given, dict):
         return [Option(modifier({name: given}))]
-    many = {key: _values(value, kinds.get(key, "")) for key, value in given.items()}
+    many: dict[str, list[Any]] = {}
+    titles = {}
+    for key, value in given.items():
+        values = listed(value, kinds.get(key, ""))
+        if callable(values):
+            raise spec_error("E214", "arguments of modifiers are not drawn", "list them, or give a `range`")
+        many[key] = values
+        if len(values) > 1:
+            titles[key] = f"{name} {key}"
+    if arguments and arguments[0].name in titles:
+        titles[arguments[0].name] = name
     wanted = math.prod(map(len, many.values()))
     if wanted > limits().instances:
         raise too_many(wanted)
-    found = [dict(zip(many, chosen, strict=True)) for chosen in itertools.product(*many.values())]
-    if arguments:
-        first = arguments[0].name
-    else:
-        first = ""
-    titles = {key: name if key == first else f"{name} {key}" for key, values in many.items() if len(values) > 1}
-    return [Option(modifier({name: each}), {titles[key]: each[key] for key in titles}) for each in found]
-
-
-def _values(written: Any, kind: str) -> list[Any]:
-    found = listed(written, kind)
-    if callable(found):
-        raise spec_error("E214", "arguments of modifiers are not drawn", "list them, or give a `range`")
-    return found
+    chosen_options = []
+    for chosen in itertools.product(*many.values()):
+        each = dict(zip(many, chosen, strict=True))
+        varied = {title: each[key] for key, title in titles.items()}
+        chosen_options.append(Option(modifier({name: each}), varied))
+    return chosen_options
 
 
 # From an experiment to the instances that it is about: each task at each combination of its values.
@@ -163,25 +160,35 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     collector.extend(written.problems)
     check_questions(written, collector)
     names = dict[str, bool]()
-    found = DiskList[Instance]()
+    instances = DiskList[Instance]()
     refused: list[Diagnostic] = []
     used: frozenset[str] = frozenset()
     is_known = True
     for i, entry in enumerate(written.experiment.tasks):
         one = _Entry(written, i, entry, collector, instead)
         for instance in one.instances():
-            found.add(instance.id, instance)
+            instances.add(instance.id, instance)
         refused += one.refused
         used |= one.replaced
         for name in one.names:
             names[name] = names.get(name, False) or name in one.varied
         is_known = is_known and one.is_known
-    for name in dict.fromkeys(name for setting in instead for name in setting):
+    for name in dict.fromkeys(itertools.chain(*instead)):
         if name not in used and not collector.has_errors:
             collector.add("E702", None, f"no task of the experiment has a parameter '{name}'")
     if is_known:
         check_axes(written, names, collector, may_be_fixed=bool(instead))
-    return Expanded(found, collector.diagnostics, tuple(refused))
+    return Expanded(instances, collector.diagnostics, tuple(refused))
+
+
+def by_key(known: Iterable[Parameter]) -> dict[str, Parameter]:
+    """Return parameters by their names and their aliases."""
+    keys = {}
+    for parameter in known:
+        keys[parameter.name] = parameter
+        if parameter.alias:
+            keys[parameter.alias] = parameter
+    return keys
 
 
 class _Entry:
@@ -193,7 +200,7 @@ class _Entry:
         index: int,
         entry: TaskEntry,
         collector: Collector,
-        instead: Sequence[Mapping[str, Any]] = (),
+        instead: Sequence[Mapping[str, Any]],
     ) -> None:
         self.written = written
         self.index = index
@@ -210,7 +217,9 @@ class _Entry:
     def instances(self) -> Iterator[Instance]:
         """Yield the instances; none where something is wrong with the entry itself."""
         before = len(self.collector.diagnostics)
-        source = self._source()
+        source = self.entry.task
+        if source.endswith((".yaml", ".yml")):
+            source = str(self.written.folder / source)
         try:
             self.task = registry.load(source, self.entry.variant)
             known = bound_parameters(self.task.source.document, self.task.source.variant).parameters
@@ -219,10 +228,10 @@ class _Entry:
             return
         axes = self._replaced(list(self._axes(known)), known)
         laid = self._modifiers()
-        varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
-        arguments = tuple(dict.fromkeys(name for choice in laid for option in choice for name in option.varied))
+        varied = tuple(itertools.chain(*(axis.names for axis in axes if axis.size != 1)))
+        arguments = tuple(dict.fromkeys(itertools.chain(*(option.varied for option in itertools.chain(*laid)))))
         self.is_known = True
-        self.names = (*(p.name for p in known), *arguments)
+        self.names = (*all_names(known), *arguments)
         self.varied = (*varied, *arguments)
         self._check_policies()
         is_wrong = len(self.collector.diagnostics) > before
@@ -233,7 +242,7 @@ class _Entry:
         if many > limits().instances:
             self._report(too_many(many), ())
             return
-        names = [name for axis in axes for name in axis.names]
+        names = list(itertools.chain(*(axis.names for axis in axes)))
         planned = 0
         for chosen in self._settings(axes):
             given = dict(zip(names, itertools.chain.from_iterable(chosen), strict=True))
@@ -247,15 +256,15 @@ class _Entry:
                     yield instance
 
     def _modifiers(self) -> list[list[Option]]:
-        found: list[list[Option]] = []
+        laid: list[list[Option]] = []
         for i, written in enumerate(self.entry.modifiers):
             try:
-                found.append(options(written))
-                for option in found[-1][:1]:
+                laid.append(options(written))
+                for option in laid[-1][:1]:
                     modify(self.task, option.modifier)
             except SpecError as error:
                 self._report(error, ("modifiers", i))
-        return found
+        return laid
 
     def _check_policies(self) -> None:
         for i, policy in enumerate(self.written.experiment.policies):
@@ -268,18 +277,10 @@ class _Entry:
                 place = self.document.span(("policies", i))
                 self.collector.extend(replace(d, span=place) for d in error.diagnostics)
 
-    def _source(self) -> str:
-        """Return the task as `registry.load` takes it: paths start from the file's folder."""
-        name = self.entry.task
-        is_relative = name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
-        if is_relative:
-            return str(self.written.folder / name)
-        return name
-
     # -- axes -------------------------------------------------------------------------------------------------------
 
     def _axes(self, known: Sequence[Parameter]) -> Iterator[Axis]:
-        kinds = {key: p for p in known for key in (p.name, p.alias) if key}
+        kinds = by_key(known)
         for section in ("parameters", "zip"):
             for name in getattr(self.entry, section):
                 if name not in kinds:
@@ -288,30 +289,40 @@ class _Entry:
             if name not in kinds:
                 continue
             try:
-                found = listed(values, kinds[name].kind)
+                chosen = listed(values, kinds[name].kind)
             except SpecError as error:
                 self._report(error, ("parameters", name))
                 continue
-            yield Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
+            if callable(chosen):
+                yield Axis((kinds[name].name,), chosen)
+            else:
+                yield Axis((kinds[name].name,), [(value,) for value in chosen])
         if self.entry.zip:
-            together = [name for name in self.entry.zip if name in kinds]
-            lists = [self.entry.zip[name] for name in together]
-            yield Axis(tuple(kinds[name].name for name in together), list(zip(*lists, strict=True)))
+            together = {kinds[name].name: values for name, values in self.entry.zip.items() if name in kinds}
+            yield Axis(tuple(together), list(zip(*together.values(), strict=True)))
 
     def _replaced(self, axes: list[Axis], known: Sequence[Parameter]) -> list[Axis]:
-        keys = {key: p.name for p in known for key in (p.name, p.alias) if key and any(key in s for s in self.instead)}
-        self.replaced = frozenset(keys)
-        if not keys:
+        given = set(itertools.chain(*self.instead))
+        names = {key: parameter.name for key, parameter in by_key(known).items() if key in given}
+        self.replaced = frozenset(names)
+        if not names:
             return axes
-        kept = [found for axis in axes if (found := axis.without(frozenset(keys.values()))).names]
-        return [*kept, Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead)))]
+        kept = []
+        for axis in axes:
+            others = axis.without(frozenset(names.values()))
+            if others.names:
+                kept.append(others)
+        values = dict.fromkeys(tuple(setting[key] for key in names) for setting in self.instead)
+        return [*kept, Axis(tuple(names.values()), list(values))]
 
     def _unknown(self, path: Place, name: str) -> None:
         try:
             bound_parameters(self.task.source.document, self.task.source.variant, {name: 0})
         except SpecError as error:
             place = self.document.key_span(("tasks", self.index, *path))
-            self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
+            for diagnostic in error.diagnostics:
+                if diagnostic.code == "E702":
+                    self.collector.extend([replace(diagnostic, span=place)])
 
     # -- settings ---------------------------------------------------------------------------------------------------
 
@@ -337,9 +348,7 @@ class _Entry:
         over: Sequence[Option],
     ) -> Instance | None:
         known = self._settled(known, given)
-        values = Assignment(
-            known, given, lambda name, start, end: self._value_span(name, start, end), self.collector
-        ).values()
+        values = Assignment(known, given, self._value_span, self.collector).values()
         if values is None:
             return None
         problem = None
@@ -351,25 +360,26 @@ class _Entry:
             place = self._span("parameters")
             note = f"at {ids.assigned(values.items())}"
             self.refused += [replace(d, span=place, notes=(*d.notes, note)) for d in error.diagnostics]
-        if bound is None:
-            all_values = dict(values)
-        else:
+        all_values = dict(values)
+        hash_ = ""
+        if bound is not None:
             all_values = {p.name: p.value for p in bound.parameters}
-        laid = tuple(str(option.modifier) for option in over)
-        shown = {n: all_values[n] for n in varied} | {k: v for option in over for k, v in option.varied.items()}
-        name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
-        if bound is None:
-            hash_ = ""
-        else:
             hash_ = bound.content_hash
+        laid = tuple(str(option.modifier) for option in over)
+        shown = {name: all_values[name] for name in varied}
+        for option in over:
+            shown |= option.varied
+        name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
         return Instance(name, source, self.task.source.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
-        texts = {p.name for p in known if p.kind != "choice" and isinstance(given.get(p.name), str)}
-        if not texts:
+        plain = dict(given)
+        for parameter in known:
+            if parameter.kind != "choice" and isinstance(given.get(parameter.name), str):
+                del plain[parameter.name]
+        if len(plain) == len(given):
             return known
         try:
-            plain = {name: value for name, value in given.items() if name not in texts}
             return bound_parameters(self.task.source.document, self.task.source.variant, plain).parameters
         except SpecError:  # with the others they may be right
             return known
@@ -380,13 +390,13 @@ class _Entry:
         return self.document.span(("tasks", self.index, *path))
 
     def _value_span(self, name: str, start: int, end: int) -> Span:
-        path: Place = ("tasks", self.index, "parameters" if name in self.entry.parameters else "zip", name)
-        one = isinstance(self.entry.parameters.get(name), str)
-        if one:
-            return self.document.span(path, start, end)
-        return self.document.span(path)
+        if name not in self.entry.parameters:
+            return self._span("zip", name)
+        if not isinstance(self.entry.parameters[name], str):
+            return self._span("parameters", name)
+        return self.document.span(("tasks", self.index, "parameters", name), start, end)
 
     def _report(self, error: SpecError, path: Place) -> None:
         """Report the mistakes of a task, at the place where the experiment names it, unless it has one of its own."""
         place = self._span(*path)
-        self.collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
+        self.collector.extend(replace(d, span=d.span or place) for d in error.diagnostics)

@@ -8,6 +8,8 @@ import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
+from itertools import compress
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -60,34 +62,46 @@ def listed(written: Any, kind: str) -> list[Any] | Draw:
     _check(written)
     whole = kind == "int"
 
-    def loguniform(rng: np.random.Generator, low: float, high: float) -> int | float:
-        found = math.exp(rng.uniform(math.log(low), math.log(high)))
-        if whole:
-            return round(found)
-        return found
-
     match written:
         case {"range": numbers}:
             start, _, step = _exact(numbers)
-            found = [start + i * step for i in range(count(written))]
-            return [int(x) if x.denominator == 1 and whole else float(x) for x in found]
+            return [_number(start + i * step, whole) for i in range(count(written))]
         case {"logrange": [first, last, *_]}:
             spaced = np.geomspace(first, last, count(written))
             if whole:
-                return list(dict.fromkeys(round(x) for x in spaced))
-            return [float(x) for x in spaced]
+                return list(dict.fromkeys(map(round, spaced)))
+            return list(map(float, spaced))
         case {"uniform": [low, high]}:
-            return lambda rng: int(rng.integers(low, high, endpoint=True)) if whole else float(rng.uniform(low, high))
+            return partial(_uniform, low, high, whole)
         case {"loguniform": [low, high]}:
-            return lambda rng: loguniform(rng, low, high)
+            return partial(_loguniform, low, high, whole)
         case list():
             return list(written)
     return [written]
 
 
+def _number(value: Fraction, whole: bool) -> int | float:
+    if whole and value.denominator == 1:
+        return int(value)
+    return float(value)
+
+
+def _uniform(low: Any, high: Any, whole: bool, rng: np.random.Generator) -> int | float:
+    if whole:
+        return int(rng.integers(low, high, endpoint=True))
+    return float(rng.uniform(low, high))
+
+
+def _loguniform(low: float, high: float, whole: bool, rng: np.random.Generator) -> int | float:
+    drawn = math.exp(rng.uniform(math.log(low), math.log(high)))
+    if whole:
+        return round(drawn)
+    return drawn
+
+
 def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
-    start, stop, *rest = (Fraction(str(x)) for x in numbers)
-    return start, stop, rest[0] if rest else Fraction(1)
+    start, stop, step, *_ = [*(Fraction(str(number)) for number in numbers), Fraction(1)]
+    return start, stop, step
 
 
 def _check(written: Any) -> None:
@@ -134,11 +148,10 @@ class Assignment:
         self.span = span
         self.builder = Builder()
         self.checker = _ExactChecker(self.builder, collector)
-        bindings: dict[str, Binding] = {
-            name: Lazy(lambda at, name=name: self._value(name, at))  # type: ignore[misc]
-            for name, p in self.known.items()
-            if p.kind != "choice"
-        }
+        bindings: dict[str, Binding] = {}
+        for p in known:
+            if p.kind != "choice":
+                bindings[p.name] = Lazy(partial(self._value, p.name))
         self.scope = Scope(bindings, draws="values of parameters are fixed numbers")
         self._busy: list[str] = []
 
@@ -170,18 +183,19 @@ class Assignment:
 
     def _value(self, name: str, at: s.Name) -> Value:
         parameter = self.known[name]
+        value = parameter.value
         if name in self.given:
             value = self._plain(name)
-        else:
-            value = parameter.value
         if isinstance(value, str):
             self.checker.fail("E306", at, f"'{name}' is a label, no number")
-        kind = {bool: Kind.BOOL, int: Kind.INT}.get(type(value), Kind.REAL)
-        if isinstance(value, float):
-            written = _decimal(value)
-        else:
-            written = value
-        return Value(self.builder.const(written, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))
+        kind = Kind.REAL
+        if isinstance(value, bool):
+            kind = Kind.BOOL
+        elif isinstance(value, int):
+            kind = KINDS[parameter.kind]
+        elif isinstance(value, float):
+            value = _decimal(value)
+        return Value(self.builder.const(value, Type(kind)))
 
 
 class _ExactChecker(Checker):
@@ -220,11 +234,12 @@ class Axis:
 
     def without(self, names: frozenset[str]) -> Axis:
         """Return the same axis for the other parameters."""
-        kept = [i for i, name in enumerate(self.names) if name not in names]
+        kept = [name not in names for name in self.names]
+        others = tuple(compress(self.names, kept))
         if callable(self.values):
-            return Axis(self.names if kept else (), self.values)
-        values = dict.fromkeys(tuple(v[i] for i in kept) for v in self.values)
-        return Axis(tuple(self.names[i] for i in kept), list(values))
+            return Axis(others, self.values)
+        values = dict.fromkeys(tuple(compress(value, kept)) for value in self.values)
+        return Axis(others, list(values))
 
     def drawn(self, rng: np.random.Generator) -> Values:
         """Return one of the values."""
@@ -239,19 +254,22 @@ def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Values, ...]]:
 
 
 def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values, ...]]:
-    """Return some combinations: each once and in order, or drawn one by one where values are drawn."""
+    """Yield some combinations: each once and in order, or drawn one by one where values are drawn."""
     if any(callable(axis.values) for axis in axes):
         rng = np.random.default_rng(seed)
-        return (tuple(axis.drawn(rng) for axis in axes) for _ in range(count))
+        for _ in range(count):
+            yield tuple(axis.drawn(rng) for axis in axes)
+        return
     size = math.prod(axis.size for axis in axes)
     chosen = random.Random(seed).sample(range(size), min(count, size))
-    return (_at(axes, i) for i in sorted(chosen))
+    for i in sorted(chosen):
+        yield _at(axes, i)
 
 
 def _at(axes: Sequence[Axis], index: int) -> tuple[Values, ...]:
-    found: list[Values] = []
+    values: list[Values] = []
     for axis in reversed(axes):
         index, i = divmod(index, axis.size)
         assert not callable(axis.values)
-        found.append(axis.values[i])
-    return tuple(reversed(found))
+        values.append(axis.values[i])
+    return tuple(reversed(values))

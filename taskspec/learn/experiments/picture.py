@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.display import number
-from taskspec.learn.documents.document_models import Experiment
+from taskspec.learn.documents.document_models import Experiment, Plot
 from taskspec.learn.experiments.sweeping import Measured
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart
@@ -60,7 +60,8 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
         logs = [name for name in experiment.plot.log if name != "value"]
         plot = experiment.plot.model_copy(update={"show": list(learners), "log": logs})
         experiment = experiment.model_copy(update={"plot": plot})
-    panels = _panels(experiment, [row for row in rows if row.error is None], bool(learners))
+    measured = [row for row in rows if row.error is None]
+    panels = _panels(experiment, measured, bool(learners))
     title = experiment.title or experiment.name
     across = max(1, min(ACROSS, len(panels)))
     down = math.ceil(len(panels) / across)
@@ -92,43 +93,61 @@ class _Panel:
 
 
 def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> list[_Panel]:
-    found: list[_Panel] = []
+    panels: list[_Panel] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.instance.entry):
         some = tuple(group)
-        free = [n for n in some[0].instance.varied if len({repr(row.instance.varied[n]) for row in some}) > 1]
-        plot = experiment.plot
-        x = plot.x if plot.x in free else next((n for n in free if n != plot.y), None)
-        is_map = plot.y in free or (len(free) == 2 and plot.x is None)
-        if is_map:
-            if plot.y in free:
-                y = plot.y
-            else:
-                y = next(n for n in free if n != x)
-        else:
-            y = None
-        rest = [n for n in free if n not in (x, y)]
-        title = some[0].instance.task
-        shown = tuple(plot.show)
-        for values, part in _parts(some, rest):
-            name = ", ".join([title, *(f"{k}={v}" for k, v in values.items()), *_fixed(some[0])])
+        x, y, rest = _axes(experiment.plot, some)
+        shown = tuple(experiment.plot.show)
+        for part in _parts(some, rest):
+            title = _title(part[0], rest)
             if y is None:
-                found.append(_Panel(name, part, x, None, shown or SHOWN, scored))
-            else:
-                differing = [each for each in MAPPED if len({row.values.get(each) for row in part}) > 1]
-                mapped = shown or differing or MAPPED[-1:]
-                found += [_Panel(f"{name}: {each}", part, x, y, (each,), scored) for each in mapped]
-    return found
+                panels.append(_Panel(title, part, x, None, shown or SHOWN, scored))
+                continue
+            differing = [name for name in MAPPED if len({row.values.get(name) for row in part}) > 1]
+            for name in shown or differing or MAPPED[-1:]:
+                panels.append(_Panel(f"{title}: {name}", part, x, y, (name,), scored))
+    return panels
 
 
-def _fixed(row: Measured) -> list[str]:
-    return [text for text in row.instance.modifiers if text.partition("=")[0] not in row.instance.varied]
+def _axes(plot: Plot, rows: Sequence[Measured]) -> tuple[str | None, str | None, list[str]]:
+    """Return the parameters along both axes, where there are some, and the others that vary."""
+    rest = []
+    for name in rows[0].instance.varied:
+        if len({repr(row.instance.varied[name]) for row in rows}) > 1:
+            rest.append(name)
+    has_y = plot.y in rest or (len(rest) == 2 and plot.x is None)
+    x = None
+    y = None
+    if plot.y in rest:
+        y = plot.y
+        rest.remove(plot.y)
+    if plot.x in rest:
+        x = plot.x
+        rest.remove(plot.x)
+    elif rest:
+        x = rest.pop(0)
+    if has_y and y is None:
+        y = rest.pop(0)
+    return x, y, rest
 
 
-def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Measured, ...]]]:
-    found: dict[tuple[str, ...], list[Measured]] = {}
+def _title(row: Measured, names: Sequence[str]) -> str:
+    instance = row.instance
+    parts = [instance.task]
+    parts += [f"{name}={instance.varied[name]}" for name in names]
+    for text in instance.modifiers:
+        if text.partition("=")[0] not in instance.varied:
+            parts.append(text)
+    return ", ".join(parts)
+
+
+def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[Measured, ...]]:
+    """Return the rows with equal values of some parameters together."""
+    parts: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
-        found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
-    return [({n: part[0].instance.varied[n] for n in names}, tuple(part)) for part in found.values()]
+        values = tuple(repr(row.instance.varied[name]) for name in names)
+        parts.setdefault(values, []).append(row)
+    return list(map(tuple, parts.values()))
 
 
 # -- curves
@@ -172,7 +191,7 @@ def _curves(axes: Any, panel: _Panel, experiment: Experiment) -> None:
     chart.numbers(axes.yaxis, is_log)
     if labels is not None:
         chart.labelled(axes, xs, labels, WIDTH - MARGIN, turns=True)
-    elif has_log_x or (all(float(x).is_integer() for x in xs) and len(xs) <= MOST_TICKS):
+    elif has_log_x or (np.equal(np.mod(xs, 1), 0).all() and len(xs) <= MOST_TICKS):
         chart.labelled(axes, xs, list(map(number, xs)), WIDTH - MARGIN)
     else:
         chart.numbers(axes.xaxis)
@@ -186,8 +205,8 @@ def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Ite
         else:
             color, dash, _ = next(spare)
             label = name
-        values = np.array([_number(row.values.get(name)) for row in rows])
-        halves = np.nan_to_num([_number(row.values.get(f"{name}_half")) for row in rows])
+        values = _numbers([row.values.get(name) for row in rows])
+        halves = np.nan_to_num(_numbers([row.values.get(f"{name}_half") for row in rows]))
         if not np.isnan(values).all():
             yield _Curve(label, {"color": color, "linestyle": dash}, np.array(xs), values, halves)
 
@@ -212,25 +231,29 @@ def _line(axes: Any, curve: _Curve, is_log: bool) -> None:
 
 
 def _rollouts(rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
-    names = dict.fromkeys(name for row in rows for name in row.policies)
+    names = dict.fromkeys(itertools.chain(*(row.policies for row in rows)))
     for name, (_, _, marker) in zip(names, itertools.cycle(chart.SERIES), strict=False):
-        known = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
-        means = np.array([_number(each.get("mean")) for _, each in known])
-        halves = np.nan_to_num([_number(each.get("half")) for _, each in known])
+        known = [name in row.policies for row in rows]
+        returns = [row.policies[name] for row in itertools.compress(rows, known)]
+        means = _numbers([each.get("mean") for each in returns])
+        halves = np.nan_to_num(_numbers([each.get("half") for each in returns]))
         color = chart.MUTED
         if name in LINES:
             color = LINES[name][0]
         look = {"color": color, "linestyle": "none", "marker": marker, "markerfacecolor": chart.PAPER, "capsize": 2}
-        yield _Curve(f"{name}, rolled out", look, np.array([x for x, _ in known]), means, halves)
+        yield _Curve(f"{name}, rolled out", look, np.array(xs)[known], means, halves)
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:
     """Return where rows stand along the axis; names instead of numbers, where these are none."""
-    values: list[Any] = [_label(row) if x is None else row.instance.varied[x] for row in rows]
-    if not any(isinstance(v, bool | str) for v in values):
-        return [float(v) for v in values], None
-    names = list(dict.fromkeys(map(str, values)))
-    return [float(names.index(str(v))) for v in values], [str(v) for v in values]
+    values: list[Any] = list(map(_label, rows))
+    if x is not None:
+        values = [row.instance.varied[x] for row in rows]
+    if not any(isinstance(value, bool | str) for value in values):
+        return list(map(float, values)), None
+    labels = list(map(str, values))
+    names = list(dict.fromkeys(labels))
+    return [float(names.index(label)) for label in labels], labels
 
 
 def _label(row: Measured) -> str:
@@ -238,8 +261,8 @@ def _label(row: Measured) -> str:
 
 
 def _is_geometric(xs: Sequence[float]) -> bool:
-    ratios = [b / a for a, b in itertools.pairwise(xs)]
-    return len(ratios) > 1 and min(ratios) >= 2 and max(ratios) <= 2 * min(ratios)
+    ratios = np.divide(xs[1:], xs[:-1])
+    return len(ratios) > 1 and bool(ratios.min() >= 2 and ratios.max() <= 2 * ratios.min())
 
 
 def _key(value: Any) -> tuple[int, Any]:
@@ -248,10 +271,13 @@ def _key(value: Any) -> tuple[int, Any]:
     return (0, value)
 
 
-def _number(value: Any) -> float:
-    if isinstance(value, int | float):
-        return float(value)
-    return math.nan
+def _numbers(values: Sequence[Any]) -> np.ndarray:
+    """Return numbers as an array, nan for everything else."""
+    array = np.full(len(values), math.nan)
+    for i, value in enumerate(values):
+        if isinstance(value, int | float):
+            array[i] = value
+    return array
 
 
 # -- heat maps
@@ -263,13 +289,14 @@ def _map(axes: Any, panel: _Panel, y_name: str) -> None:
     across = _sorted(panel.rows, panel.x)
     up = _sorted(panel.rows, y_name)
     cells = np.full((len(up), len(across)), math.nan)
-    for row in panel.rows:
+    values = _numbers([row.values.get(panel.show[0]) for row in panel.rows])
+    for row, value in zip(panel.rows, values, strict=True):
         i = up.index(str(row.instance.varied[y_name]))
         j = across.index(str(row.instance.varied[panel.x]))
-        cells[i, j] = _number(row.values.get(panel.show[0]))
+        cells[i, j] = value
     chart.heat_map(axes, cells, has_numbers=cells.size <= MOST_NUMBERS)
-    chart.labelled(axes, [j + 0.5 for j in range(len(across))], across, WIDTH - 1.5 * MARGIN)
-    axes.set_yticks([i + 0.5 for i in range(len(up))], up)
+    chart.labelled(axes, (np.arange(len(across)) + 0.5).tolist(), across, WIDTH - 1.5 * MARGIN)
+    axes.set_yticks((np.arange(len(up)) + 0.5).tolist(), up)
     axes.set_xlabel(panel.x)
     axes.set_ylabel(y_name)
 

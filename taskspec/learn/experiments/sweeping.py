@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, overload
 
@@ -78,36 +79,26 @@ def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> 
         results = Results(task, wanted.episodes)
         hard = difficulty(results, wanted.measures)
         model = results.model
-        found: dict[str, Any] = {
-            "states": None if model is None else int(model.entered.sum()),
-            "actions": None if model is None else model.n_actions,
-            "horizon": task.horizon,
-            "discount": task.discount,
-        }
+        measured: dict[str, Any] = {
+            "states": None, "actions": None, "horizon": task.horizon, "discount": task.discount,
+        }  # fmt: skip
+        if model is not None:
+            measured |= {"states": int(model.entered.sum()), "actions": model.n_actions}
         for name in RETURNS:
             value: Return | None = getattr(results, name)
-            for key, entry in ((name, "value"), (f"{name}_half", "half"), (f"{name}_status", "status")):
-                if value is None:
-                    found[key] = None
-                else:
-                    found[key] = getattr(value, entry)
-        found |= {**hard, "why_not": {**_reasons(results), **hard.why_not}}
-        found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
+            measured |= {
+                name: getattr(value, "value", None), f"{name}_half": getattr(value, "half", None),
+                f"{name}_status": getattr(value, "status", None),
+            }  # fmt: skip
+        why_not = {"returns": results.why_not, "expert": why_no_expert(results.task)}
+        known = {name: reason for name, reason in why_not.items() if reason is not None}
+        measured |= {**hard, "why_not": {**known, **hard.why_not}}
+        measured["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
         if wanted.speed:
             from taskspec.learn.experiments.speed import steps_per_second
 
-            found |= zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True)
-        return found
-
-
-def _reasons(results: Results) -> dict[str, str]:
-    found = {}
-    if results.why_not is not None:
-        found["returns"] = results.why_not
-    no_expert = why_no_expert(results.task)
-    if no_expert is not None:
-        found["expert"] = no_expert
-    return found
+            measured |= zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True)
+        return measured
 
 
 def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
@@ -116,12 +107,18 @@ def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
     """
     from taskspec.learn.data.episodes import recorded
 
-    parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
-    means = [Return.estimated(part.returns(task.discount)) for part in parts]
-    mean = Return.estimated(np.concatenate([part.returns(task.discount) for part in parts]))
+    returns = []
+    lengths = []
+    means = []
+    for seed in range(wanted.seeds):
+        part = recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1)
+        returns.append(part.returns(task.discount))
+        lengths.append(part.lengths)
+        means.append(Return.estimated(returns[-1]).value)
+    mean = Return.estimated(np.concatenate(returns))
     return {
-        "mean": mean.value, "half": mean.half, "length": float(np.mean(np.concatenate([part.lengths for part in parts]))),
-        "episodes": mean.episodes, "seeds": [each.value for each in means],
+        "mean": mean.value, "half": mean.half, "length": float(np.mean(np.concatenate(lengths))),
+        "episodes": mean.episodes, "seeds": means,
     }  # fmt: skip
 
 
@@ -167,17 +164,24 @@ class Measured:
 def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, Mapping):
-            yield from ((f"{name}.{key}", each) for key, each in _flat(value))
+            for key, each in _flat(value):
+                yield f"{name}.{key}", each
         else:
             yield name, value
 
 
 def columns(rows: Sequence[Measured]) -> list[str]:
     """Return the names of the columns of `Measured.flat` that any row has: ids and parameters first."""
-    known = dict.fromkeys(name for row in rows for name in row.flat())
-    first = [name for name in known if name in ("id", "task")]
-    first += [name for name in known if name.startswith("parameters.")]
-    return list(dict.fromkeys([*first, *known]))
+    known = dict.fromkeys(chain.from_iterable(row.flat() for row in rows))
+    return sorted(known, key=_rank)
+
+
+def _rank(column: str) -> int:
+    if column in ("id", "task"):
+        return 0
+    if column.startswith("parameters."):
+        return 1
+    return 2
 
 
 def write_json(rows: Sequence[Measured], path: Path) -> None:
@@ -211,13 +215,18 @@ def write_parquet(rows: Sequence[Measured], path: Path) -> None:
         write_table(unfinished, {name: _of_one_type(column) for name, column in values.items()})
 
 
-def _of_one_type(values: Sequence[Any]) -> list[Any]:
-    kinds = {
-        bool if isinstance(v, bool) else float if isinstance(v, int | float) else str for v in values if v is not None
-    }
-    if len(kinds) < 2:
-        return list(values)
-    return [None if v is None else str(v) for v in values]
+def _of_one_type(values: list[Any]) -> list[Any]:
+    """Return values as texts where they are of several types; None stays."""
+    kinds = set(map(type, values)) - {type(None)}
+    if len(kinds) < 2 or kinds == {int, float}:
+        return values
+    texts: list[str | None] = []
+    for value in values:
+        if value is None:
+            texts.append(None)
+        else:
+            texts.append(str(value))
+    return texts
 
 
 WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}
@@ -291,29 +300,26 @@ def sweep(
     Raises:
         SpecError: with every mistake in the experiment; E705 without an extra.
     """
-    if expanded is None:
-        found = expand(written)
-    else:
-        found = expanded
-    found.raise_if_wrong()
+    expanded = expanded or expand(written)
+    expanded.raise_if_wrong()
     wanted = wanted_of(written.experiment)
-    total = sum(instance.problem is None for instance in found.instances)
-    jobs = jobs_of(found.instances, wanted)
+    total = sum(instance.problem is None for instance in expanded.instances)
+    jobs = jobs_of(expanded.instances, wanted)
     with Store(store) as kept:
         run_many(jobs, total, kept, running or Running(), written.experiment.name)
-    return Swept(written.experiment, MeasuredRows(found.instances, wanted, store))
+    return Swept(written.experiment, MeasuredRows(expanded.instances, wanted, store))
 
 
 def wanted_of(experiment: Experiment) -> Questions:
     """Return what an experiment asks of every instance."""
-    if experiment.measures is None:
-        measures = None
-    else:
+    measures = None
+    if experiment.measures is not None:
         measures = tuple(experiment.measures)
-    functions = [place_of(name) for name in experiment.policies if is_function(name)]
-    code = tuple(code_hash(path, function) for path, function in functions)
+    code = []
+    for name in filter(is_function, experiment.policies):
+        code.append(code_hash(*place_of(name)))
     return Questions(
-        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed, code,
+        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed, tuple(code),
         limits.written(),
     )  # fmt: skip
 
@@ -352,7 +358,7 @@ def measured_table(rows: Sequence[Measured], measures: Sequence[str] | None) -> 
     if measures is None:
         measures = MEASURES
     chosen = [name for name in measures if name not in ("states", "actions")]
-    policies = dict.fromkeys(name for row in shown for name in row.policies)
+    policies = dict.fromkeys(chain.from_iterable(row.policies for row in shown))
     headers = [name.replace("_", " ") for name in chosen] + [f"{name}, rolled out" for name in policies]
     numbers = range(1, 5 + len(headers))
     table = Columns("", "states", "optimal", "expert", "random", *headers, styles=("name",), right=numbers, names=0)
@@ -361,9 +367,10 @@ def measured_table(rows: Sequence[Measured], measures: Sequence[str] | None) -> 
             table.add_row(row.instance.id, VisibleText(row.status.replace("_", " "), style="bad"))
             continue
         values = row.values
-        cells = [f"{values['states']:,}" if values.get("states") is not None else ""]
-        cells += [_number(values.get(name), values.get(f"{name}_half")) for name in ("optimal", "expert", "random")]
-        cells += [_number(values.get(name)) for name in chosen]
+        states = values.get("states")
+        cells = ["" if states is None else f"{states:,}"]
+        for name in ("optimal", "expert", "random", *chosen):
+            cells.append(_number(values.get(name), values.get(f"{name}_half")))
         for name in policies:
             means = row.policies.get(name, {})
             cells.append(_number(means.get("mean"), means.get("half")))

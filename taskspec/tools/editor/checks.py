@@ -41,8 +41,10 @@ class LastCheck:
 
 
 def _alike(old: list[str], new: list[str]) -> int:
-    pairs = zip(old, new, strict=False)
-    return next((at for at, (one, other) in enumerate(pairs) if one != other), min(len(old), len(new)))
+    for at, (one, other) in enumerate(zip(old, new, strict=False)):
+        if one != other:
+            return at
+    return min(len(old), len(new))
 
 
 async def check(text: str, name: str, take: Callable[[dict[str, Any]], None]) -> None:
@@ -81,7 +83,9 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
 
     file = File(Path(name), suite_of(name), text=text)
     report = check_file(file, examine)
-    statuses = [claim["status"] for each in report.tasks for claim in each.claims]
+    statuses = []
+    for task in report.tasks:
+        statuses += [claim["status"] for claim in task.claims]
     claims = []
     if statuses:
         claims = [(["claims"], f"{statuses.count('proved')} of {len(statuses)} claims proved")]
@@ -105,7 +109,7 @@ def _words(scores: Any) -> str:
     for name in ("optimal", "expert", "random", "worst"):
         value = getattr(scores, name)
         if value is not None and value.value is not None:
-            words.append(f"{name} {setting(value.value)}{'' if value.exact else ' (estimated)'}")
+            words.append(f"{name} {setting(value.value)}" + " (estimated)" * (not value.exact))
     return ", ".join(words)
 
 

@@ -10,6 +10,7 @@ import asyncio
 import logging
 import re
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -99,11 +100,12 @@ class Server(LanguageServer):
     def publish(self, uri: str) -> None:
         """Send the mistakes of a document, with those that the last check found."""
         analysis, document = self.analysis(uri)
-        problems = [_problem(each, document) for each in analysis.diagnostics if _is_here(each, analysis)]
+        problems = [_problem(each, document) for each in _problems_here(analysis)]
         if uri in self.checked:
             known = {(each.code, each.message) for each in analysis.diagnostics}
-            reported = self.checked[uri].problems_in(analysis.text)
-            problems += [_reported(each, document) for each in reported if (each["code"], each["message"]) not in known]
+            for each in self.checked[uri].problems_in(analysis.text):
+                if (each["code"], each["message"]) not in known:
+                    problems.append(_reported(each, document))
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
 
 
@@ -233,9 +235,9 @@ def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
     """Return the fixes of the mistakes in a range."""
     analysis, document = ls.analysis(params.text_document.uri)
     offered = []
-    for each in analysis.diagnostics:
+    for each in _problems_here(analysis):
         fix = each.fix
-        if fix is None or not _is_here(each, analysis):
+        if fix is None:
             continue
         problem = _problem(each, document)
         if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
@@ -271,11 +273,9 @@ def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens
     line = column = 0
     for kind, span in tokens(analysis):
         place = _range(span, document)
-        same_line = place.start.line == line
-        if same_line:
-            start = place.start.character - column
-        else:
-            start = place.start.character
+        start = place.start.character
+        if place.start.line == line:
+            start -= column
         length = place.end.character - place.start.character
         data += [place.start.line - line, start, length, TOKEN_KINDS.index(kind), 0]
         line = place.start.line
@@ -292,13 +292,7 @@ def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
     if uri not in ls.checked or analysis.document is None:
         return shown
     for path, text in ls.checked[uri].lenses:
-        inner: Any = analysis.document.data
-        for step in path[:-1]:
-            if isinstance(inner, dict):
-                inner = inner.get(step)
-            else:
-                inner = None
-        if isinstance(inner, dict) and path[-1] in inner:
+        if path[-1] in analysis.entries(*path[:-1]):
             place = _range(analysis.document.key_span(tuple(path)), document)
             shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
     return shown
@@ -321,13 +315,10 @@ def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp 
 def laid_out(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
     """Return the change that gives a document its usual layout."""
     analysis, document = ls.analysis(params.text_document.uri)
-    try:
+    new = analysis.text
+    with suppress(SpecError):
         if _IS_SPEC.search(analysis.text):
             new = formatted(analysis.text, analysis.name)
-        else:
-            new = analysis.text
-    except SpecError:
-        return []
     if new == analysis.text:
         return []
     whole = lsp.Range(lsp.Position(0, 0), document.client_position_at_offset(len(analysis.text)))
@@ -351,8 +342,12 @@ def folds(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
 
 
 def _entries(data: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str | int, ...]]:
-    inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    for key, value in inner:
+    entries: Iterable[tuple[str | int, Any]] = ()
+    if isinstance(data, dict):
+        entries = data.items()
+    elif isinstance(data, list):
+        entries = enumerate(data)
+    for key, value in entries:
         yield (*path, key)
         yield from _entries(value, (*path, key))
 
@@ -378,7 +373,9 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
     def take(part: dict[str, Any]) -> None:
         checked.lenses += part["lenses"]
         if "problems" in part:
-            checked.problems = [each for each in part["problems"] if each["line"] and each["file"] == document.path]
+            for each in part["problems"]:
+                if each["line"] and each["file"] == document.path:
+                    checked.problems.append(each)
             ls.checked[uri] = checked
             ls.publish(uri)
 
@@ -390,8 +387,12 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
 
 
 def _range(span: Span, document: TextDocument) -> lsp.Range:
-    start = ServerTextPosition(span.line - 1, span.column - 1)
-    end = ServerTextPosition(span.end_line - 1, span.end_column - 1)
+    return _client_range(span.line, span.column, span.end_line, span.end_column, document)
+
+
+def _client_range(line: int, column: int, end_line: int, end_column: int, document: TextDocument) -> lsp.Range:
+    start = ServerTextPosition(line - 1, column - 1)
+    end = ServerTextPosition(end_line - 1, end_column - 1)
     return document.range_to_client_units(ServerTextRange(start, end))
 
 
@@ -399,8 +400,11 @@ def _edit(fix: Fix, document: TextDocument) -> lsp.TextEdit:
     return lsp.TextEdit(_range(fix.span, document), fix.replacement)
 
 
-def _is_here(diagnostic: Diagnostic, analysis: Analysis) -> bool:
-    return diagnostic.span is None or diagnostic.span.origin.name == analysis.name
+def _problems_here(analysis: Analysis) -> Iterator[Diagnostic]:
+    """Yield the problems that are not in other files."""
+    for each in analysis.diagnostics:
+        if each.span is None or each.span.origin.name == analysis.name:
+            yield each
 
 
 def _problem(diagnostic: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
@@ -411,14 +415,12 @@ def _problem(diagnostic: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
 
 
 def _reported(problem: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
-    start = ServerTextPosition(problem["line"] - 1, problem["column"] - 1)
-    end = ServerTextPosition(problem["end_line"] - 1, problem["end_column"] - 1)
-    place = document.range_to_client_units(ServerTextRange(start, end))
+    place = _client_range(problem["line"], problem["column"], problem["end_line"], problem["end_column"], document)
     return _as_shown(problem["code"], place, problem["message"], [problem["hint"], *problem["notes"]])
 
 
 def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
-    text = "\n".join([message, *(remark for remark in remarks if remark)])
+    text = "\n".join([message, *filter(None, remarks)])
     return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
 
 

@@ -260,15 +260,13 @@ class _Tree:
                 for episode in self.episodes_from(s):
                     yield episode.probability, (episode,)
             return
-        each = {s: list(self.episodes_from(s)) for s in self.starts}
-        if same_start:
-            for s, episodes in each.items():
-                p0 = self.lists.start[s]
-                for group in product(episodes, repeat=size):
-                    yield p0 * math.prod(episode.probability / p0 for episode in group), group
-            return
-        for group in product(chain.from_iterable(each.values()), repeat=size):
-            yield math.prod(episode.probability for episode in group), group
+        each = [list(self.episodes_from(s)) for s in self.starts]
+        if not same_start:
+            each = [list(chain(*each))]
+        for episodes in each:
+            p0 = self.lists.start[episodes[0].states[0]] if same_start else 1
+            for group in product(episodes, repeat=size):
+                yield p0 * math.prod(episode.probability / p0 for episode in group), group
 
     def episodes_from(self, start: int) -> Iterator[EnumeratedEpisode]:
         """Yield the episodes that begin in a state, depth first."""
@@ -305,7 +303,9 @@ class _Tree:
         """Return the observations (L, *shape) of states at some times."""
         if not self.seen.is_timed:
             return part_at(self.seen.at(0), states)
-        shown = [part_at(self.seen.at(t), slice(s, s + 1)) for t, s in zip(times, states, strict=True)]
+        shown = []
+        for t, s in zip(times, states, strict=True):
+            shown.append(part_at(self.seen.at(t), slice(s, s + 1)))
         return end_to_end(shown)
 
 

@@ -20,6 +20,7 @@ from typing import Any
 from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_error
 from taskspec.base.display import decimal, json_data
 from taskspec.base.ids import assigned
+from taskspec.base.named import entries_by_name
 from taskspec.exact.check.report import Report
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.rules.examples import wrong_examples
@@ -105,16 +106,16 @@ def task_page(asked: Question) -> dict[str, Any]:
     drawn = scene(task)
     writer = HtmlWriter(beside([str(asked.place)]), marked_states(shown_page))
     sections = [section for section in shown_page.sections if section.key != "claims"]
+    heading = shown_page.name
     if shown_page.title != shown_page.name:
         heading = f"{shown_page.name}: {shown_page.title}"
-    else:
-        heading = shown_page.name
+    variants = []
+    for each in variants_of(asked.file):
+        variants.append({"name": each, "title": name_of(asked.file, each)})
     return {
         "name": task.name, "title": task.title, "capability": task.spec.capability or "", "id_of_task": task.id,
         "mathematics": article(heading, shown_page.summary, shown_page.description, sections, writer),
-        "figure": None if drawn is None else svg(drawn, css=True),
-        "caption": "" if drawn is None else drawn.caption,
-        "variants": [{"name": each, "title": name_of(asked.file, each)} for each in variants_of(asked.file)],
+        "figure": episodes.svg_of(drawn), "caption": getattr(drawn, "caption", ""), "variants": variants,
         "parameters": [_parameter(p) for p in task.parameters],
         "actions": episodes.keys(task), "horizon": task.horizon, "has_expert": task.annotations.expert is not None,
     }  # fmt: skip
@@ -147,12 +148,12 @@ def claims(asked: Question) -> dict[str, Any]:
     shown = []
     for claim, line, fact in zip(task.annotations.claims, section.lines, by_claim(task, said), strict=True):
         own = [verdict for verdict in said if verdict.claim is claim]
-        worst = next((verdict for verdict in own if not verdict.holds), own[0])
+        worst = min(own, key=lambda verdict: bool(verdict.holds))
         shown.append({
             "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
             "words": fact.text, "detail": worst.detail, "line": claim.expr.place.span.line,
         })  # fmt: skip
-    problems = [verdict.diagnostic for verdict in said if verdict.diagnostic]
+    problems = list(filter(None, [verdict.diagnostic for verdict in said]))
     problems += [diagnostic for _, diagnostic in wrong_examples(task)]
     return {"claims": shown, "problems": records(problems)}
 
@@ -167,7 +168,10 @@ def results_of(task: Task) -> Results:
     """Return the results of a task; the last ones are kept, so that words and claims can change without another model."""
     key = (task.content_hash, *map(str, task.modifiers))
     if key not in _results:
-        entries = sum(each.model.entries for each in _results.values() if each.model is not None)
+        entries = 0
+        for each in _results.values():
+            if each.model is not None:
+                entries += each.model.entries
         if len(_results) >= KEPT or entries > LARGE:
             _results.clear()
         _results[key] = Results(task)
@@ -188,8 +192,6 @@ def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
             row |= {"decimal": decimal(number, 10), "estimated": not score.exact}
             if score.exact:
                 row["exact"] = episodes.fraction(number)
-            else:
-                row["exact"] = None
         yield row
 
 
@@ -208,7 +210,7 @@ def sweep(asked: Question) -> dict[str, Any]:
     """Return exact returns at several values of a parameter, and their curves; `left` are values to ask for again."""
     task = asked.task
     name = asked.message["parameter"]
-    parameter = next((p for p in task.parameters if p.name == name), None)
+    parameter = entries_by_name(task.parameters).get(name)
     if parameter is None:
         raise spec_error("E713", f"{task.id} has no parameter '{name}'")
     start = time.perf_counter()
@@ -223,7 +225,10 @@ def sweep(asked: Question) -> dict[str, Any]:
             rows.append(_measured[key])
         else:
             left.append(value)
-    shown = [key for key in RETURNS if any(row.values.get(key) is not None for row in rows)]
+    known = set()
+    for row in rows:
+        known |= {key for key, value in row.values.items() if value is not None}
+    shown = [key for key in RETURNS if key in known]
     drawn = None
     if shown and chart.is_available():
         plot = {"x": name, "show": shown}
@@ -256,14 +261,10 @@ def values_of(p: Parameter) -> list[Any]:
     if p.kind == "bool":
         return [False, True]
     size = max(abs(p.value), 1)
-    if p.low is None:
-        low = p.value - size
-    else:
-        low = p.low
-    if p.high is None:
-        high = low + 4 * size
-    else:
-        high = min(p.high, max(low + 4 * size, p.value))
+    low = p.value - size if p.low is None else p.low
+    high = low + 4 * size
+    if p.high is not None:
+        high = min(p.high, max(high, p.value))
     if p.kind == "int":
         step = max(1, math.ceil((high - low) / (POINTS - 1)))
         return list(range(int(low), int(high) + 1, step))
@@ -328,7 +329,8 @@ def _command(asked: Question) -> str:
     for modifier in asked.modifiers:
         options += ["-m", modifier]
     path = asked.folder.relative(asked.place)
-    return "".join(shlex.join(["taskspec", name, path, *options]) + "\n" for name in ("check", "solve", "run"))
+    given = shlex.join([path, *options])
+    return f"taskspec check {given}\ntaskspec solve {given}\ntaskspec run {given}\n"
 
 
 FORMS: dict[str, Callable[[Question], str]] = {

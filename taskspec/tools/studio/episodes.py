@@ -28,6 +28,7 @@ from taskspec.language.expressions.types import TIME
 from taskspec.language.task.task import Task
 from taskspec.show.figures import scene, svg
 from taskspec.show.figures.overlays import Overlay
+from taskspec.show.figures.shapes import Scene
 from taskspec.show.figures.states import reads_of, state_table
 from taskspec.show.terminal.rollouts import ENDINGS, action_words, policy_for, rollouts
 from taskspec.show.terminal.scripts import is_script
@@ -75,21 +76,20 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
-    lines = None
+    lines: list[set[int]] = [set() for _ in model.codes]
     if model.n_states * model.n_actions <= MOST_PAIRS:
         lines = _lines(results.task, model)
     states = []
     for s in sorted(order.tolist()):
         states.append({
             "code": int(model.codes[s]), "label": model.state_name(s), "value": float(V[s]), "visits": float(visits[s]),
-            "q": Q[:, s].tolist(), "policy": pi[:, s].tolist(), "lines": [] if lines is None else sorted(lines[s]),
+            "q": Q[:, s].tolist(), "policy": pi[:, s].tolist(), "lines": sorted(lines[s]),
         })  # fmt: skip
     over = None
     if results.abstraction is None and not results.task.modifiers:
         over = _overlay(model, V, pi, visits, plan_name, t, message.get("layers") or ("values", "policy", "occupancy"))
-    drawn = scene(results.task, over)
     return {
-        "figure": None if drawn is None else svg(drawn, css=True), "plan": plan_name, "time": t, "horizon": model.horizon,
+        "figure": svg_of(scene(results.task, over)), "plan": plan_name, "time": t, "horizon": model.horizon,
         "actions": [model.action_name(a) for a in range(model.n_actions)], "states": states,
         "more": len(shown) - len(order),
     }  # fmt: skip
@@ -146,8 +146,9 @@ def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int
         "policy": ("", f"likeliest actions of the plan {name} at step {t}"),
         "occupancy": (f"up to {number(most, 4)}", f"how likely an episode is there at step {t}"),
     }
-    chosen = {part: by_code for part, by_code in parts.items() if part in layers}
-    return Overlay(**chosen, legend={part: legend[part] for part in chosen})  # type: ignore[arg-type]
+    for layer in parts.keys() - set(layers):
+        del parts[layer], legend[layer]
+    return Overlay(**parts, legend=legend)  # type: ignore[arg-type]
 
 
 def _lines(task: Task, model: Model) -> list[set[int]]:
@@ -191,9 +192,7 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         words = action_words(env, known[action])
         observation, reward, terminated, truncated, info = env.step(known[action])
         if terminated or truncated:
-            ended = "truncated"
-            if terminated:
-                ended = "terminated"
+            ended = "terminated" if terminated else "truncated"
         total += task.discount**t * reward
         visited[t + 1] = env.state
         about = {"action": words, "reward": reward, "return": total, "regret": None, "regret_text": None}
@@ -206,12 +205,15 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         regret = task.discount**t * float(q.max() - q[taken[t]])
         steps[t] |= {"regret": regret, "regret_text": fraction(regret) or number(regret)}
     regrets = [step["regret"] for step in steps]
-    mask = info.get("action_mask")
+    lost = None if None in regrets else sum(regrets)
+    if ended:
+        best = None
+    legal = info.get("action_mask", np.ones(len(known), np.bool_))
     return {
         "figure": _frame(task, env.state, visited), "caption": _words(env.state), "time": env.time, "horizon": task.horizon,
         "ended": ended, "return": total, "state": [{"name": k, "value": _words(v)} for k, v in env.state.items()],
-        "observation": _words(observation), "legal": [True] * len(known) if mask is None else [bool(x) for x in mask],
-        "best": None if ended else best, "steps": steps, "regret": None if None in regrets else sum(regrets),
+        "observation": _words(observation), "legal": legal.astype(bool).tolist(),
+        "best": best, "steps": steps, "regret": lost,
     }  # fmt: skip
 
 
@@ -280,6 +282,13 @@ def rollout(task: Task, message: Mapping[str, Any], folder: Folder) -> dict[str,
 
 def _frame(task: Task, state: Mapping[str, Any], seen: Mapping[int, Mapping[str, Any]]) -> str:
     drawn = scene(task, Overlay(here=state, seen=seen)) or state_table(task, state)
+    return svg(drawn, css=True)
+
+
+def svg_of(drawn: Scene | None) -> str | None:
+    """Return a figure for a page; None where there is none."""
+    if drawn is None:
+        return None
     return svg(drawn, css=True)
 
 

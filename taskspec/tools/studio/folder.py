@@ -69,7 +69,11 @@ class Folder:
         seen = 0
         for folder, folders, names in os.walk(self.root):
             deep = len(Path(folder).relative_to(self.root).parts)
-            folders[:] = sorted(name for name in folders if not name.startswith((".", "__")) and deep < DEPTH)
+            inside = []
+            for name in sorted(folders):
+                if not name.startswith((".", "__")) and deep < DEPTH:
+                    inside.append(name)
+            folders[:] = inside
             for name in sorted(names):
                 path = Path(folder) / name
                 if name.endswith(suffixes) and name[0] != "." and path.resolve().is_relative_to(self.root):
@@ -86,12 +90,11 @@ class Folder:
     def listing(self, opened: str | None) -> dict[str, Any]:
         """Return the specs and policies of the folder, and what a new spec can start from."""
         entries = registry.known().values()
-        files = [place for place in self.files(*SPECS) if _is_spec(place)]
-        first = next(iter(files), None)
-        for place in files:
-            if _FIGURE.search(text_of(place)):
-                first = place
-                break
+        files = list(filter(_is_spec, self.files(*SPECS)))
+        drawn = [place for place in files if _FIGURE.search(text_of(place))]
+        first = None
+        if files:
+            first = self.relative((drawn or files)[0])
         policies = []
         for place in self.files(".py"):
             policies += [f"{self.relative(place)}:{name}" for name in functions(place)]
@@ -100,7 +103,7 @@ class Folder:
             "root": self.root.as_uri(),
             "opened": opened,
             "files": list(map(self.relative, files)),
-            "first": self.relative(first) if first else None,
+            "first": first,
             "policies": policies + [self.relative(place) for place in self.files(*SCRIPTS)],
             "templates": [{"id": TEMPLATE, "title": "A corridor, with a comment on each section"}],
             "library": [{"id": entry.id, "title": entry.name} for entry in entries],
@@ -122,13 +125,9 @@ class Folder:
             FileRefused: the file exists although it should be new, or has another text than the page has seen.
         """
         place = self.spec(path)
-        present = None
-        if place.exists():
-            present = digest(text_of(place))
+        present = digest(text_of(place)) if place.exists() else None
         if present != known:
-            why = "changed"
-            if known is None:
-                why = "exists"
+            why = "exists" if known is None else "changed"
             raise FileRefused(why, f"'{path}' is new, or was changed by another program; it was not overwritten")
         write_text(place, text, new=known is None)
         return {"path": self.relative(place), "digest": digest(text), "uri": place.as_uri()}
