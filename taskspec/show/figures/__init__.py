@@ -31,8 +31,12 @@ from taskspec.show.figures.vector_formats import tikz as tikz
 from taskspec.show.figures.vector_formats import tikz_colors
 from taskspec.show.printers.tree import Words
 
-_OTHERS = ", ".join(name for name in FIGURE_KINDS if name != DEFAULT)
-HINT = f"{FIGURE_KINDS[DEFAULT].needs}; `figure: {{kind: ...}}` in a spec asks for another figure: {_OTHERS}"
+
+def _kinds_beside(name: str) -> str:
+    return ", ".join(filter(name.__ne__, FIGURE_KINDS))
+
+
+HINT = f"{FIGURE_KINDS[DEFAULT].needs}; `figure: {{kind: ...}}` in a spec asks for another figure: {_kinds_beside(DEFAULT)}"
 """The hint for a task without a figure."""
 
 
@@ -43,8 +47,7 @@ def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
         return ()
     place = merge(task.source.document, task.source.variant).key_span(("figure",))
     kind = FIGURE_KINDS[task.annotations.figure.kind]
-    others = ", ".join(name for name in FIGURE_KINDS if name != kind.name)
-    hint = f"{kind.needs}; other kinds are {others}"
+    hint = f"{kind.needs}; other kinds are {_kinds_beside(kind.name)}"
     return (Diagnostic("W523", place, f"no figure of kind `{kind.name}` can be drawn of this task", hint),)
 
 
@@ -96,10 +99,12 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
 
 def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
     drawn = keyed(drawn)
+    if not lines:
+        return drawn
     words = []
     for i, line in enumerate(lines):
         words.append(Label((0.0, drawn.height + 0.25 + 0.45 * i), Words(line), 0.26, "start", "muted"))
-    return drawn.extended(words, "; ".join((drawn.alt, *lines))) if words else drawn
+    return drawn.extended(words, "; ".join((drawn.alt, *lines)))
 
 
 def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
@@ -161,7 +166,9 @@ def drawing(task: TaskLike, overlays: Iterable[str] = ()) -> ShownFigure:
     """
     task = load(task)
     drawn = scene(task, overlay(task, overlays))
-    return ShownFigure(None if drawn is None else svg(drawn))
+    if drawn is None:
+        return ShownFigure(None)
+    return ShownFigure(svg(drawn))
 
 
 def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -35,6 +35,15 @@ MOST_SQUARES = 24  # rows or columns of a board
 FEW_STEPS = 3
 
 
+@dataclass(frozen=True)
+class _Row:
+    """The vector at a time of an episode, with a colour for each element."""
+
+    t: int
+    values: Array
+    colors: list[sc.Color]
+
+
 def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
     """Draw the vector that the figure section names (or the only vector of the state).
 
@@ -48,42 +57,36 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
     if elements(node) is not None and len(node.type.shape) == 1 and node.type.size <= FOLLOWED:
         return series(task, overlay)
     changes, whose = _episode(task, node, overlay)
-    times = [t for t, _ in changes]
-    states = [state for _, state in changes]
-    rows = [at_state(task, node, state) for state in states]
-    here = overlay.here
+    rows: list[_Row] = []
+    for t, state in changes:
+        rows.append(_Row(t, at_state(task, node, state), _colors(task, node, state)))
     if len(node.type.shape) == 2:
-        return _board(task, node, rows[0], here is not None)
-    colors = [_colors(task, node, state) for state in states]
-    count = node.type.size
-    items: list[sc.Item] = []
-    notes: tuple[str, ...] = ()
-    if count <= CELLS_UP_TO:
-        shown = list(zip(times, rows, colors, strict=True))
-        if len(rows) > ROWS:
-            shown[ROWS - 1 : -1] = []
-        moves = ""
-        if len(rows) != 1:
-            moves = f", and its changes in an episode of {whose}"
-        items += _cells(shown, len(rows) - len(shown))
-        alt = f"{plural(count, 'cell')}{moves}"
-        step = 1.0
-        sums_at = 1.05
-    else:
-        alt = f"{count} bars"
-        if len(rows) > 1 and not rows[0].any():
-            rows = rows[-1:]
-            colors = colors[-1:]
-            notes = (f"The state after {plural(times[-1], 'step')} of {whose}.",)
-        items += _bars(rows[0], colors[0], None if here is None else _bound(node))
+        return _board(task, node, rows[0].values, overlay.here is not None)
+    alt = f"A state of {task.name} as"
+    if node.type.size <= CELLS_UP_TO:
+        items = [*_cells(rows)]
+        alt = f"{alt} {plural(node.type.size, 'cell')}"
         if len(rows) > 1:
-            items += [sc.shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
-            notes = (f"Above a first state, below the one after {plural(times[-1], 'step')} of {whose}.",)
-        step = _step(count)
-        sums_at = 0.35
-    if len(rows) == 1:
-        items += _sums(rows[0], colors[0], step, sums_at)
-    return sc.fitted(items, f"A state of {task.name} as {alt}", notes)
+            return sc.fitted(items, f"{alt}, and its changes in an episode of {whose}")
+        return sc.fitted([*items, *_sums(rows[0], 1.0, 1.05)], alt)
+    alt = f"{alt} {node.type.size} bars"
+    first = rows[0]
+    last = rows[-1]
+    after = f"after {plural(last.t, 'step')} of {whose}"
+    if overlay.here is not None:
+        items = [*_bars(first, _bound(node)), *_bar_sums(first)]
+        return sc.fitted(items, alt)
+    if len(rows) > 1 and first.values.any():
+        below = [sc.shifted(item, 0.0, BELOW) for item in _bars(last)]
+        return sc.fitted([*_bars(first), *below], alt, (f"Above a first state, below the one {after}.",))
+    notes: tuple[str, ...] = ()
+    if len(rows) > 1:
+        notes = (f"The state {after}.",)
+    return sc.fitted([*_bars(last), *_bar_sums(last)], alt, notes)
+
+
+def _bar_sums(row: _Row) -> Iterator[sc.Label]:
+    yield from _sums(row, _step(len(row.values)), 0.35)
 
 
 def _episode(task: Task, node: Expression, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
@@ -99,22 +102,37 @@ def _episode(task: Task, node: Expression, overlay: Overlay) -> tuple[list[tuple
 
 
 def _changes(task: Task, node: Expression, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
-    rows = [at_state(task, node, state) for state in path]
-    return [(i, state) for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
+    changes: list[tuple[int, dict[str, Any]]] = []
+    before = None
+    for t, state in enumerate(path):
+        row = at_state(task, node, state)
+        if before is None or not np.array_equal(row, before):
+            changes.append((t, state))
+        before = row
+    return changes
 
 
-def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator[sc.Label]:
-    first = [i for i, color in enumerate(colors) if color == "accent"]
-    second = [i for i, color in enumerate(colors) if color == "second"]
-    with np.errstate(over="ignore"):
-        totals = (float(row[first].sum()), float(row[second].sum()))
-    if not (first and second and math.isfinite(sum(map(abs, totals)))):
+def _sums(row: _Row, step: float, y: float) -> Iterator[sc.Label]:
+    """Yield the sums of the elements of both colours, and which of them is larger."""
+    totals: list[float] = []
+    middles: list[float] = []
+    texts: list[m.Math] = []
+    halves: list[float] = []
+    for color in ("accent", "second"):
+        part = np.flatnonzero(np.array(row.colors) == color)
+        if not part.size:
+            return
+        with np.errstate(over="ignore"):
+            total = float(row.values[part].sum())
+        text = m.Row((m.Words("sum "), sc.signed(total)))
+        totals.append(total)
+        middles.append(float(part[0] + part[-1] + 1) / 2 * step)
+        texts.append(text)
+        halves.append(sc.text_width(text, LETTERS) / 2)
+    if not math.isfinite(sum(map(abs, totals))):
         return
     relation = ("=", ">", "<")[int(np.sign(totals[0] - totals[1]))]
-    middles = [(min(part) + max(part) + 1) / 2 * step for part in (first, second)]
     between = sum(middles) / 2
-    texts = [m.Row((m.Words("sum "), sc.signed(total))) for total in totals]
-    halves = [sc.text_width(text, LETTERS) / 2 for text in texts]
     if middles[1] - middles[0] < sum(halves) + 0.6:
         middles = [between - 0.4 - halves[0], between + 0.4 + halves[1]]
     for at, text in zip(middles, texts, strict=True):
@@ -123,11 +141,7 @@ def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator
 
 
 def _vector(task: Task) -> Expression | None:
-    values = figure_of(task).values
-    if values is None:
-        nodes = [c.value for c in task.state]
-    else:
-        nodes = [values]
+    nodes = [figure_of(task).values or c.value for c in task.state]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
@@ -164,11 +178,11 @@ def _bound(node: Expression) -> float | None:
     return None
 
 
-def _bars(values: Array, colors: list[sc.Color], most: float | None = None) -> Iterator[sc.Item]:
+def _bars(row: _Row, most: float | None = None) -> Iterator[sc.Item]:
     """Yield bars of equal width above a line, in a frame that `most` fills; of very many values every second, third and so on."""
-    every = -(-len(values) // MOST_BARS)
-    values = values[::every]
-    colors = colors[::every]
+    every = -(-len(row.values) // MOST_BARS)
+    values = row.values[::every]
+    colors = row.colors[::every]
     step = _step(len(values))
     scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
     if most is not None:
@@ -200,7 +214,10 @@ def _board(task: Task, node: Expression, values: Array, is_frame: bool) -> sc.Sc
         cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
         items.append(cell)
         if value:
-            items.append(replace(cell, fill="accent" if value > 0 else "second", shade=0.3 + 0.6 * abs(value) / most))
+            color: sc.Color = "accent"
+            if value < 0:
+                color = "second"
+            items.append(replace(cell, fill=color, shade=0.3 + 0.6 * abs(value) / most))
         if value and node.type.kind is not Kind.BOOL:
             middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
             items.append(sc.Label(middle, m.Num(fixed(value, digits)), LETTERS))
@@ -212,34 +229,46 @@ def _step(count: int) -> float:
     return min(0.3, 7.0 / count)
 
 
-def _cells(shown: list[tuple[int, Array, list[sc.Color]]], left_out: int) -> Iterator[sc.Item]:
+def _cells(all_rows: list[_Row]) -> Iterator[sc.Item]:
     """Yield rows of cells, shaded by value, with dots for rows that are left out.
 
     Where a row has the elements of the one before in another order, arrows say where they went; else times are beside them.
     """
-    rows = [row for _, row, _ in shown]
+    shown = list(all_rows)
+    if len(shown) > ROWS:
+        shown[ROWS - 1 : -1] = []
+    left_out = len(shown) < len(all_rows)
+    rows = [row.values for row in shown]
     moved = all(np.array_equal(np.unique(row), np.sort(rows[0])) for row in rows)
-    tops = [1.5 * r if moved else r for r in range(len(rows))]
-    if left_out and not moved:
+    tops = np.arange(len(rows), dtype=float)
+    if moved:
+        tops *= 1.5
+    elif left_out:
         tops[-1] += 0.6
     low = float(np.min(rows))
     high = float(np.max(rows))
-    digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
-    for r, (t, row, colors) in enumerate(shown):
+    digits = 2
+    if np.array_equal(rows, np.rint(rows)):
+        digits = 0
+    for r, row in enumerate(rows):
+        top = float(tops[r])
         if len(rows) > 1 and not moved:
-            yield sc.Label(
-                (-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted"
-            )
+            time = m.Row((m.Ident("t"), m.Sym("="), m.Num(str(shown[r].t))))
+            yield sc.Label((-0.2, top + 0.4), time, LETTERS, "end", "muted")
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
-            box = sc.Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
+            box = sc.Box((i * 1.0, top), 1.0, 0.8, shown[r].colors[i], "paper", shade=shade)
             yield box
             yield from sc.marked(box, True)
-            yield sc.Label((i + 0.5, tops[r] + 0.4), m.Num(fixed(value, digits)), LETTERS)
+            yield sc.Label((i + 0.5, top + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
-            yield sc.Label((len(row) / 2, (tops[r] + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
+            yield sc.Label((len(row) / 2, float(top + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
         elif r + 1 < len(rows) and moved:
-            for i, value in enumerate(row.tolist()):
-                for j in np.flatnonzero(rows[r + 1] == value)[:1].tolist():
-                    if j != i:
-                        yield sc.Line(((i + 0.5, tops[r] + 0.84), (j + 0.5, tops[r] + 1.46)), arrow=True)
+            yield from _moves(row, rows[r + 1], top)
+
+
+def _moves(row: Array, after: Array, top: float) -> Iterator[sc.Line]:
+    for i, value in enumerate(row.tolist()):
+        j = int(np.flatnonzero(after == value)[0])
+        if j != i:
+            yield sc.Line(((i + 0.5, top + 0.84), (j + 0.5, top + 1.46)), arrow=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -12,20 +13,8 @@ from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
 from taskspec.language.expressions.types import Role
 from taskspec.language.task.task import Task
-from taskspec.show.figures.shapes import (
-    BROAD,
-    ROLES,
-    Box,
-    Circle,
-    Color,
-    Item,
-    Label,
-    Line,
-    Point,
-    marked,
-    sign,
-    text_width,
-)
+from taskspec.show.figures import shapes as sc
+from taskspec.show.figures.shapes import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, text_width
 from taskspec.show.printers import tree as m
 
 Cell = tuple[int, int]
@@ -70,17 +59,17 @@ def chosen_ways(
         moves = _probable_ways(task, pairs, cells)
     else:
         moves = ((code, ways[action]) for code, action in pairs)
-    taken: dict[int, dict[Way, None]] = {code: {} for code in policy}
+    taken: dict[int, list[Way]] = {code: [] for code in policy}
     for code, way in moves:
-        if any(way):
-            taken[code][way] = None
-    common: dict[Cell, dict[Way, None]] = {}
+        taken[code].append(way)
+    common: dict[Cell, list[Way]] = {}
     for code, some in taken.items():
         cell = cells[code]
-        common[cell] = {way: None for way in common.get(cell, some) if way in some}
+        common[cell] = list(filter(some.__contains__, common.get(cell, some)))
     for cell, some in common.items():
-        for way in some:
-            yield cell, way
+        for way in dict.fromkeys(some):
+            if any(way):
+                yield cell, way
 
 
 def _ways_by_label(task: Task) -> list[Way] | None:
@@ -165,7 +154,9 @@ class Board:
         yield from self._contents(at)
 
     def _cell(self, x: int, y: int, cell: Cell) -> Iterator[Item]:
-        plain: Color = "muted" if self.letters.get(cell) == WALL else "paper"
+        plain: Color = "paper"
+        if self.letters.get(cell) == WALL:
+            plain = "muted"
         box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
         yield box
         if cell in self.shades:
@@ -175,16 +166,15 @@ class Board:
         for at, way in self.moves:
             if at == cell:
                 ways.add((round(way[0]), round(way[1])))
-        free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
-        yield from marked(box, written, free)
+        free = [corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways]
+        yield from sc.marked(box, written, [*free, (1, -1)][0])
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         yield from self._letters(middle)
         for cell, way in self.moves:
             if cell in middle:
-                first = 0.2 if cell not in self.values else min(max(0.2, self._leaves(cell, way)), 0.36)
-                yield Line(self._ray(middle[cell], way, first, 0.48), arrow=True, color="muted")
+                yield Line(self._ray(middle[cell], way, self._leaves(cell, way), 0.48), arrow=True, color="muted")
         for cell in self.values:
             if cell in middle:
                 yield Label(middle[cell], self._value(cell), VALUE)
@@ -195,18 +185,18 @@ class Board:
                 for side in (-1, 1):
                     eye = (x + side * self.cell * 0.09, y - self.cell * 0.05)
                     yield Circle(eye, self.cell * 0.045, "paper", None)
-        for i, thing in enumerate(self.things):
+        taken = Counter({*self.agents, *self.values})
+        for thing in self.things:
             if thing.cell in middle:
-                taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word)
-                taken += thing.cell in self.agents or thing.cell in self.values
-                yield from self._thing(thing, middle[thing.cell], taken)
+                yield from self._thing(thing, middle[thing.cell], taken[thing.cell])
+            taken[thing.cell] += bool(thing.word)
 
     def _letters(self, middle: Mapping[Cell, Point]) -> Iterator[Item]:
         for cell, text in self.letters.items():
             if cell not in middle or cell in self.values or text == WALL:
                 continue
             if text in FENCES:
-                width, height = (share * self.cell for share in FENCES[text])
+                width, height = np.multiply(FENCES[text], self.cell).tolist()
                 x, y = middle[cell]
                 yield Box((x - width / 2, y - height / 2), width, height, "muted", None)
             else:
@@ -224,16 +214,17 @@ class Board:
         if not thing.word:
             return
         x, y = at
-        side = (0.62 if thing.cell not in self.colors else 0.48) * self.cell  # beside a sign
+        share = 0.62
+        if thing.cell in self.colors:  # beside a sign
+            share = 0.48
         if taken:
+            out, share = BADGE
             if thing.cell in self.values:
-                out, small = BESIDE_VALUE
-            else:
-                out, small = BADGE
+                out, share = BESIDE_VALUE
             dx, dy = CORNERS[(taken - 1) % len(CORNERS)]
             x += out * dx * self.cell
             y += out * dy * self.cell
-            side = small * self.cell
+        side = share * self.cell
         word = m.Words(thing.word)
         yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
         yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
@@ -253,7 +244,7 @@ class Board:
             spots = [corner(cell) for cell in fills if fills[cell] == role]
             if spots:
                 x, y = central(spots)
-                yield from sign(role, (x + size / 2, y + size / 2), SIGN)
+                yield from sc.sign(role, (x + size / 2, y + size / 2), SIGN)
         if not self.open:
             yield Box((0, 0), len(self.columns) * size, len(self.rows) * size, None, "ink")
         for thing in self.things:
@@ -265,17 +256,21 @@ class Board:
             yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, _certainty(weight))
 
     def _leaves(self, cell: Cell, way: Way) -> float:
-        room = (text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05)
-        shares = []
-        for r, d in zip(room, way, strict=True):
-            if d:
-                shares.append(r / (self.cell * abs(d)))
-        return min(shares)
+        """Return how far from the middle of a cell an arrow begins, as a share of its side: where it has left the number."""
+        if cell not in self.values:
+            return 0.2
+        room = np.array((text_width(self._value(cell), VALUE) / 2, VALUE / 2)) + 0.05
+        with np.errstate(divide="ignore"):
+            leaves = float((room / (self.cell * np.abs(way))).min())
+        return min(max(0.2, leaves), 0.36)
 
     def _value(self, cell: Cell) -> m.Math:
         value = self.values[cell]
+        forms = (".3g", ".2g", ".1g")
+        if abs(value) >= 99.95:
+            forms = (".0f", ".1e", ".0e")
         text = ""
-        for form in (".3g", ".2g", ".1g") if abs(value) < 99.95 else (".0f", ".1e", ".0e"):
+        for form in forms:
             text = re.sub(r"e([+-]?)0*", lambda e: f"e{e[1].strip('+')}", f"{value:{form}}")
             if len(text) <= 5:
                 break
@@ -290,4 +285,6 @@ def central(points: Sequence[Point]) -> Point:
 
 def _certainty(weight: float) -> float:
     """Return how dark an agent is: faint if it may start in several cells."""
-    return 1.0 if weight > 0.99 else 0.35
+    if weight > 0.99:
+        return 1.0
+    return 0.35

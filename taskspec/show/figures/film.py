@@ -107,7 +107,7 @@ def _value(c: Component, value: Any) -> str:
 
 def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
     """Return an SVG that shows the items of one frame after the other, in the frame of a scene."""
-    moments = [*range(len(frames)), *[len(frames) - 1] * (LAST - 1)]
+    count = len(frames) + LAST - 1
     body = ""
     styles = {}
     for where, group in groupby(_merged(frames), key=lambda each: each[1]):
@@ -118,11 +118,17 @@ def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
         name = "at-" + "-".join(map(str, sorted(where)))
         hidden = ' visibility="hidden"' * (0 not in where)
         body += f'<g style="animation-name:{name}"{hidden}>{inside}</g>'
-        shown = [moment in where for moment in moments]
-        changes = [i for i in range(len(shown)) if i == 0 or shown[i] != shown[i - 1]]
-        states = (f"{100 * i / len(shown):.4g}%{{visibility:{'visible' if shown[i] else 'hidden'}}}" for i in changes)
-        styles[name] = f"@keyframes {name}{{{''.join(states)}}}"
-    style = _STYLE.format(seconds=SECONDS * len(moments)) + "".join(styles.values())
+        states = ""
+        before = None
+        for i in range(count):
+            shown = "hidden"
+            if min(i, len(frames) - 1) in where:
+                shown = "visible"
+            if shown != before:
+                states += f"{100 * i / count:.4g}%{{visibility:{shown}}}"
+            before = shown
+        styles[name] = f"@keyframes {name}{{{states}}}"
+    style = _STYLE.format(seconds=SECONDS * count) + "".join(styles.values())
     return svg_document(first, f"<style>{style}</style>{body}", kind="figure film")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -61,41 +62,46 @@ class Plan:
 
 def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
+    choices = drawings(machine)
+    most_arrows = MOST_ARROWS
+    widest = WIDEST
+    if overlay.here is not None:  # a frame has room for all
+        choices = whole(machine)
+        most_arrows = 2 * MOST_ARROWS
+        widest = math.inf
     best: Plan | None = None
-    is_frame = overlay.here is not None
-    for drawing in whole(machine) if is_frame else drawings(machine):
-        if len(drawing.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
+    for drawing in choices:
+        if len(drawing.arcs) > most_arrows:
             continue
         request = _request(machine, drawing, overlay)
-        plan = _planned(request)
-        if plan is None or plan.cost:
-            plans = []
-            for each in (plan, _planned(replace(request, stretch=STRETCH))):
-                if each is not None and (each.width <= WIDEST or is_frame):
-                    plans.append(each)
-            plan = min(plans, key=lambda p: p.cost, default=None)
-        if plan is None or (plan.width > WIDEST and not is_frame):
-            continue
-        if best is None or plan.cost < best.cost:
-            best = plan
-        if plan.cost == 0:
-            break
+        for stretch in (1.0, STRETCH):
+            plan = _planned(replace(request, stretch=stretch))
+            if plan is None or plan.width > widest:
+                continue
+            if best is None or plan.cost < best.cost:
+                best = plan
+            if plan.cost == 0:
+                return best
     return best
 
 
 def _request(machine: Machine, drawing: Drawing, overlay: Overlay) -> _Request:
-    vertices = [v for v in drawing.vertices if isinstance(v, int)]
+    widths: list[tuple[Vertex, float]] = []
     words: list[tuple[Vertex, m.Math]] = []
-    for v in vertices:
+    good: set[int] = set()
+    for v in drawing.states:
+        widths.append((v, sc.text_width(machine.labels[v], STATE)))
         for word in _at_state(machine, v, overlay):
             words.append((v, word))
+        if machine.fills.get(v) == "good":
+            good.add(v)
     return _Request(
         drawing=drawing,
-        ending=machine.ending.intersection(vertices),
-        start=tuple(v for v in machine.start if v in vertices),
-        good=frozenset(v for v in vertices if machine.fills.get(v) == "good"),
+        ending=machine.ending.intersection(drawing.states),
+        start=tuple(filter(drawing.states.__contains__, machine.start)),
+        good=frozenset(good),
         shows_loops=len(machine.states) <= LOOPS_UP_TO,
-        widths=tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
+        widths=tuple(widths),
         texts=tuple(_on_arrow(machine, arc) for arc in drawing.arcs),
         words=tuple(words),
     )
@@ -121,7 +127,9 @@ def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
         parts.append(sc.chance(arc.probability))
     elif len(arc.actions) < machine.n_actions:
         names = [machine.actions[a] for a in arc.actions]
-        parts += names if len(names) <= NAMED else [names[0], m.Sym("…"), names[-1]]
+        if len(names) > NAMED:
+            names[1:-1] = [m.Sym("…")]
+        parts += names
     if machine.rewards[0] == "arrow" and arc.reward:
         parts.append(sc.equal("r", arc.reward))
     if parts:
@@ -155,18 +163,20 @@ def _planned(request: _Request) -> Plan | None:
         if arc.source != arc.target or request.shows_loops:
             arcs.append(arc)
             texts.append(text)
-    options = _options(arcs, spots) + [stubs(spots[v]) for v in request.start]
-    ends = [(rank[arc.source], rank[arc.target]) for arc in arcs] + [(rank[v], rank[v]) for v in request.start]
+    options = _options(arcs, spots)
+    ends = [(rank[arc.source], rank[arc.target]) for arc in arcs]
+    for v in request.start:
+        options.append(stubs(spots[v]))
+        ends.append((rank[v], rank[v]))
     lines, crossings, faults = routed(options, ends, list(spots.values()))
     if crossings > MOST_CROSSINGS or faults:
         return None
-    labels: list[list[sc.Label]] = []
-    own = [i for i, text in enumerate(texts) if text is not None]
-    for i in own:
-        arc = arcs[i]
-        is_loop = arc.source == arc.target
-        text = texts[i] or m.Row(())
-        labels.append(at_loop(lines[i], text, spots[arc.source]) if is_loop else along(lines[i], text))
+    labels = []
+    own = []
+    for i, text in enumerate(texts):
+        if text is not None:
+            own.append(i)
+            labels.append(_beside_arrow(arcs[i], lines[i], text, spots))
     looped = {arc.source for arc in arcs if arc.source == arc.target}
     rows: dict[Vertex, int] = {}
     for v, word in request.words:
@@ -184,6 +194,12 @@ def _planned(request: _Request) -> Plan | None:
         request.drawing, spots, arcs, lines[:count], lines[count:], list(map(told.get, range(count))), words,
         crossings + covered, request.shows_loops,
     )  # fmt: skip
+
+
+def _beside_arrow(arc: Arc, line: sc.Line, text: m.Math, spots: Mapping[Vertex, Spot]) -> list[sc.Label]:
+    if arc.source == arc.target:
+        return at_loop(line, text, spots[arc.source])
+    return along(line, text)
 
 
 def _options(arcs: Sequence[Arc], spots: Mapping[Vertex, Spot]) -> list[list[sc.Line]]:
@@ -215,24 +231,34 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
             sizes[v] = (0.12, 0.12)
         elif isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
-    on = {arc.source for arc in drawing.arcs if arc.source != arc.target}
-    step = max(DX, _longest(request) + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
-    mains = []
-    for layer in drawing.layers:
-        mains.append([v for v in layer if v in on or (v in request.good and v == layer[-1])])
+    widest, _ = max(sizes.values())
+    step = max(DX, _longest(request) + 2 * widest + 0.35) * request.stretch
+    mains = _leading_on(request)
     straight = all(len(main) <= 1 for main in mains)
     spots = {}
     for i, layer in enumerate(drawing.layers):
-        heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
-        shift = 0.0
+        middle = (len(layer) - 1) / 2
         if straight and mains[i]:
-            shift = heights[mains[i][0]]
-        for v in layer:
+            middle = mains[i][0]
+        for k, v in enumerate(layer):
             half, radius = sizes[v]
-            rim = RIM if v in request.ending else 0.0
-            at: sc.Point = (step * i, heights[v] - shift)
+            rim = RIM * (v in request.ending)
+            at: sc.Point = (step * i, request.stretch * DY * (k - middle))
             spots[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
     return spots
+
+
+def _leading_on(request: _Request) -> list[list[int]]:
+    """Return for each column the places of its vertices that lead to others, and of a good one at its end."""
+    leading = {arc.source for arc in request.drawing.arcs if arc.source != arc.target}
+    places = []
+    for layer in request.drawing.layers:
+        main = []
+        for k, v in enumerate(layer):
+            if v in leading or (v in request.good and v == layer[-1]):
+                main.append(k)
+        places.append(main)
+    return places
 
 
 def _longest(request: _Request) -> float:
@@ -251,18 +277,21 @@ def _is_chance(v: Vertex) -> bool:
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
     items: list[sc.Item] = []
     for arc, line, label in zip(plan.arcs, plan.lines, plan.told, strict=True):
-        chosen = isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions)
-        items.append(replace(line, width=0.065) if chosen else line)
+        if isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions):
+            line = replace(line, width=0.065)
+        items.append(line)
         if label is not None:
             items.append(label)
     items += plan.starts
     present = machine.code_of(overlay)
     for v, spot in plan.spots.items():
+        ring = sc.Circle(spot.at, spot.half + 0.16, None, None)
+        if v == present:
+            ring = replace(ring, fill="accent")
         if present is not None:  # room for it around each of them, so that all frames have one size
-            items.append(sc.Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
+            items.append(ring)
         items += _vertex(v, spot, plan, machine, overlay)
-    shown = [v for v in plan.spots if isinstance(v, int)]
-    notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
+    notes = (*machine.notes(plan.shows_loops), *machine.unmarked(plan.drawing.states))
     size = f"{plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     focus = None
     if present is not None:
@@ -281,8 +310,7 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, machine: Machine, overlay: Overla
             yield sc.shape(x, y, spot.half, sc.RADIUS, "accent", min(1.0, overlay.occupancy[v]))
         signs = [*sc.marked(body)]
         yield from signs
-        below = BELOW_SIGN if signs else 0.0
-        yield sc.Label((x, y + below), machine.labels[v], STATE)
+        yield sc.Label((x, y + BELOW_SIGN * bool(signs)), machine.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:
         yield sc.Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")

@@ -52,6 +52,10 @@ class Drawing:
             vertices += layer
         return vertices
 
+    @property
+    def states(self) -> list[int]:
+        return [v for v in self.vertices if isinstance(v, int)]
+
 
 def drawings(machine: Machine) -> Iterator[Drawing]:
     """Yield what can be drawn of a machine, the usual first; nothing if it is too large.
@@ -100,20 +104,24 @@ def _arcs(machine: Machine) -> list[Arc]:
         if len(targets) == 1:
             direct.setdefault((source, targets[0].target), []).append(targets[0])
         else:
-            rewards = {t.reward for t in targets}
-            paid = targets[0].reward if len(rewards) == 1 else None  # by the action, whatever its outcome is
-            drawn = tuple((t.target, t.probability, t.reward if paid is None else None) for t in targets)
+            paid = None
+            drawn = tuple((t.target, t.probability, t.reward) for t in targets)
+            if len({t.reward for t in targets}) == 1:  # paid by the action, whatever its outcome is
+                paid = targets[0].reward
+                drawn = tuple((t.target, t.probability, None) for t in targets)
             alike.setdefault((source, drawn), {})[action] = paid
-    arcs: list[tuple[int, Arc]] = []  # with the state that they come from
+    by_source: dict[int, list[Arc]] = {v: [] for v in machine.states}
     for (source, drawn), paid_by in alike.items():
         chance = ("chance", source, next(iter(paid_by)))
-        arcs.append((source, _merged(source, chance, paid_by)))
-        arcs += [(source, Arc(chance, target, (), probability, reward)) for target, probability, reward in drawn]
+        by_source[source].append(_merged(source, chance, paid_by))
+        for target, probability, reward in drawn:
+            by_source[source].append(Arc(chance, target, (), probability, reward))
     for (source, target), targets in direct.items():
-        arcs.append((source, _merged(source, target, {t.action: t.reward for t in targets})))
-    order = {v: i for i, v in enumerate(machine.states)}
-    arcs.sort(key=lambda targets: (order.get(targets[0], 0), targets[1].actions[:1] or (-1,)))
-    return [arc for _, arc in arcs]
+        by_source[source].append(_merged(source, target, {t.action: t.reward for t in targets}))
+    arcs: list[Arc] = []
+    for out in by_source.values():
+        arcs += sorted(out, key=lambda arc: arc.actions[:1] or (-1,))
+    return arcs
 
 
 def _merged(source: Vertex, target: Vertex, paid_by: Mapping[int, float | None]) -> Arc:
@@ -182,8 +190,11 @@ class _Cost:
 
     def __init__(self, drawing: Drawing) -> None:
         self.rank = {v: i for i, v in enumerate(drawing.vertices)}
-        pairs = {tuple(sorted((self.rank[a.source], self.rank[a.target]))) for a in drawing.arcs}
-        self.ends = np.array(sorted(p for p in pairs if p[0] != p[1]), dtype=np.int64).reshape(-1, 2)
+        pairs: set[tuple[int, ...]] = set()
+        for arc in drawing.arcs:
+            if arc.source != arc.target:
+                pairs.add(tuple(sorted((self.rank[arc.source], self.rank[arc.target]))))
+        self.ends = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
         a = self.ends[:, None, :, None]
         b = self.ends[None, :, None, :]
         self.apart = np.triu(~(a == b).any((2, 3)))  # pairs of arrows without a common end
