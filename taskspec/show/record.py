@@ -209,6 +209,13 @@ def domain_words(c: Component | Parameter) -> str:
     return f"real{shape} in {interval(low, high)}"
 
 
+def value_words(value: Any) -> str:
+    """Write one value of a state or an action, a real to four digits."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
 def label_words(domain: Domain) -> list[str]:
     if domain.values is None:
         return list(domain.labels)

@@ -135,8 +135,8 @@ def _sums(row: _Row, step: float, y: float) -> Iterator[sc.Label]:
     between = sum(middles) / 2
     if middles[1] - middles[0] < sum(halves) + 0.6:
         middles = [between - 0.4 - halves[0], between + 0.4 + halves[1]]
-    for at, text in zip(middles, texts, strict=True):
-        yield sc.Label((at, y), text, LETTERS)
+    for at, words in zip(middles, texts, strict=True):
+        yield sc.Label((at, y), words, LETTERS)
     yield sc.Label((between, y), m.Sym(relation), LETTERS)
 
 

@@ -66,11 +66,8 @@ STYLE: dict[str, Any] = {
     "grid.linewidth": 0.5, "lines.linewidth": 1.4, "lines.markersize": 4, "legend.frameon": False,
     "legend.handlelength": 2.5, "figure.facecolor": PAPER, "axes.facecolor": "none",
 }  # fmt: skip
-_METADATA: dict[str, dict[str, None]] = {
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
-    "png": {"Software": None},
-}
+METADATA: dict[str, dict[str, None]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
+"""Entries of files that are left out, so that the same picture gives the same bytes."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +94,19 @@ def possible(formats: Iterable[str]) -> list[str]:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw in the style of all charts; letters that no font has are drawn as boxes, without a warning.
+    """Draw in the style of all charts.
 
     Raises:
         SpecError: E705 without matplotlib.
     """
-    with need("matplotlib", "figures", "a chart").rc_context(STYLE), warnings.catch_warnings():
+    with need("matplotlib", "figures", "a chart").rc_context(STYLE), quiet():
+        yield
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Hide warnings about letters that no font has; they are drawn as boxes."""
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
         yield
 
@@ -153,13 +157,11 @@ def save(chart: Chart, path: Path) -> Path:
 
 def _drawn(chart: Chart, kind: str, is_transparent: bool = False) -> bytes:
     picture = BytesIO()
-    box = None
+    options: dict[str, Any] = {"format": kind, "dpi": DPI, "metadata": METADATA[kind], "transparent": is_transparent}
     if chart.is_tight:
-        box = "tight"
+        options["bbox_inches"] = "tight"
     with style():
-        chart.figure.savefig(
-            picture, format=kind, dpi=DPI, metadata=_METADATA[kind], bbox_inches=box, transparent=is_transparent
-        )
+        chart.figure.savefig(picture, **options)
     if kind == "svg":
         return _described(picture.getvalue().decode(), chart.alt).encode()
     return picture.getvalue()
@@ -289,23 +291,17 @@ def heat_map(axes: Any, cells: np.ndarray, has_numbers: bool) -> None:
     axes.tick_params(length=0)
     if not has_numbers:
         return
+    place = {"ha": "center", "va": "center", "fontsize": SMALLEST}
     for (i, j), value in np.ndenumerate(cells):
         if np.isfinite(value):
-            color = _readable(palette(norm(value)))
-            axes.text(
-                j + 0.5,
-                i + 0.5,
-                number(float(f"{value:.3g}")),
-                ha="center",
-                va="center",
-                fontsize=SMALLEST,
-                color=color,
-            )
+            text = number(float(f"{value:.3g}"))
+            axes.text(j + 0.5, i + 0.5, text, color=_readable(palette(norm(value))), **place)
 
 
 def _readable(background: tuple[float, ...]) -> str:
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in background[:3]]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    if luminance < 0.1791:
+    """Return the colour of letters on a background: dark or light, by its luminance in sRGB."""
+    c = np.array(background[:3])
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    if linear @ (0.2126, 0.7152, 0.0722) < 0.1791:
         return "#fafafa"
     return "#000000"

@@ -10,24 +10,15 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import plural
-from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
 from taskspec.language.expressions.interval import bounds
-from taskspec.language.expressions.types import Expression, Role
+from taskspec.language.expressions.types import Expression
 from taskspec.language.task.questions import component, components_read, reads_time, unchanged
 from taskspec.language.task.task import Task
 from taskspec.show.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.shapes import ROLES, Color, Scene, fitted, shifted
-from taskspec.show.figures.states import (
-    Reads,
-    all_states,
-    at_states,
-    figure_of,
-    first_state,
-    observed,
-    reads_of,
-)
+from taskspec.show.figures.states import Reads, all_states, at_states, figure_of, first_state, observed, reads_of
 
 FARTHEST = 5_000  # columns or rows of a world that is drawn whole, and how far off what is marked of another may be
 NOWHERE = 2**53  # places beyond it, or that are no number, are taken for this one
@@ -48,7 +39,10 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
         return None
     grid = _Grid(task, overlay)
     world = all_states(task)
-    drawn = grid.window() if world is None else grid.whole(*world)
+    if world is None:
+        drawn: Scene | None = grid.window()
+    else:
+        drawn = grid.whole(*world)
     if drawn is None or overlay.here is not None or not task.observation.is_random:
         return drawn
     strip = fitted(observed(task), "", margin=0.0)  # below the grid, what the agent sees of a first state
@@ -102,7 +96,10 @@ class _Grid:
         return word[:1].upper() + word[1:]
 
     def key(self) -> tuple[str, ...]:
-        words = [f"{self.short(word)}: {word}" for word in self.figure.objects if len(word) > 1]
+        words = []
+        for word in self.figure.objects:
+            if len(word) > 1:
+                words.append(f"{self.short(word)}: {word}")
         if words:
             return (f"{', '.join(words)}.",)
         return ()
@@ -119,9 +116,10 @@ class _Grid:
         cells = _whole_numbers(self.numbers(self.figure.at, reads, count)[:, :2])
         if np.ptp(np.vstack([cells, [(0, 0)]]), axis=0).max() >= FARTHEST:
             return None
-        (left, top), (right, bottom) = cells.min(0).tolist(), cells.max(0).tolist()
+        left, top = cells.min(0).tolist()
+        right, bottom = cells.max(0).tolist()
         lines = self.figure.map
-        columns = range(min(0, left), max(right + 1, len(lines[0]) if lines else 0))
+        columns = range(min(0, left), max(right + 1, *map(len, lines[:1]), 0))
         rows = range(min(0, top), max(bottom + 1, len(lines)))
         by_code: dict[int, Cell] = {code: (x, y) for code, (x, y) in enumerate(cells.tolist())}
         distinct = len(set(by_code.values()))
@@ -137,11 +135,10 @@ class _Grid:
         for role, at in self.marks(self.reads):
             if at.ndim == 2:
                 colors |= {_cell(point): role for point in at}
-        agents = self._agents(by_code)
-        if self.things and overlay.here is None:  # which belong to one state
-            space = Space(self.task.state, Role.STATE)
-            code = int(space.encode([self.reads[c.read] for c in self.task.state], 1)[0][0])
-            agents = {by_code[code]: 1.0}
+        if self.things or overlay.here is not None:  # in one state
+            agents = {self._own(): 1.0}
+        else:
+            agents = _by_cell(by_code, Steps(self.task).start_weights(), add)
         values = _by_cell(by_code, overlay.values, max)
         shades = _by_cell(by_code, overlay.occupancy, add)
         most = max((1.0, *shades.values()))
@@ -151,68 +148,77 @@ class _Grid:
         if values and moves and len(columns) * ROOMY <= WIDEST:
             cell = ROOMY
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
-        alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())
         how = DRAWN_TOGETHER
         if distinct == len(by_code):
             how = DRAWN
-        return fitted(board.items(), alt, notes, drawn=how)
-
-    def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
-        if self.overlay.here is not None:
-            return {self._own(): 1.0}
-        return _by_cell(by_code, Steps(self.task).start_weights(), add)
+        return fitted(board.items(), self._alt(columns, rows), notes, drawn=how)
 
     def _own(self) -> Cell:
         return _cell(self.numbers(self.figure.at, self.reads)[0])
 
     def window(self) -> Scene:
         """Return the part of a vast grid around one first state."""
-        ax, ay = self._own()
-
-        def is_near(cell: Cell) -> bool:
-            return max(abs(cell[0] - ax), abs(cell[1] - ay)) < FARTHEST
-
-        known = [(_cell(at[0]), role) for role, at in self.marks(self.reads) if at.shape == (1, 2)]
-        marks = {cell: role for cell, role in known if is_near(cell)}
-        things = [thing for thing in self.things if is_near(thing.cell)]
-        agents = {(ax, ay): 1.0}
+        own = self._own()
+        marks = {}
+        leaves_out = False
+        for role, at in self.marks(self.reads):
+            if at.shape == (1, 2) and _is_near(_cell(at[0]), own):
+                marks[_cell(at[0])] = role
+            elif at.shape == (1, 2):
+                leaves_out = True
+        things = [thing for thing in self.things if _is_near(thing.cell, own)]
+        agents = {own: 1.0}
         notes = ["One sampled initial state.", *self.key()]
-        bounds = self._bounds()
-        if bounds is not None:
-            columns, rows = bounds
+        sides = self._sides()
+        if sides is not None:
+            columns, rows = sides
             board = Board(columns, rows, marks, self.letters, agents, things=things)
-            alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
-            return fitted(board.items(), alt, tuple(notes))
-        points = np.array([(ax, ay), *marks, *(thing.cell for thing in things)])
+            return fitted(board.items(), self._alt(columns, rows), tuple(notes))
+        points = np.array([own, *marks, *(thing.cell for thing in things)])
         middle = np.round(points.mean(axis=0)).astype(int)
         half = max(4, int(np.abs(points - middle).max()) + 1)
         if self.overlay.here is not None:  # a window that stays as the agent moves in it
             half = (LARGEST - 1) // 2
-            anchor = np.array(next(iter(marks)) if marks and self._stay() else (0, 0))
-            middle = anchor + (np.array([ax, ay]) - anchor + half) // (2 * half + 1) * (2 * half + 1)
+            size = 2 * half + 1
+            anchor = np.zeros(2, int)
+            if marks and self._stay():
+                anchor = np.array(next(iter(marks)))
+            middle = anchor + (own - anchor + half) // size * size
         columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
         board = Board(columns, rows, marks, {}, agents, things=things, open=True, cell=SMALL)
-        if len(marks) < len(dict(known)):
+        if leaves_out:
             notes.append("The marked objects are too far away to be shown.")
         alt = f"Part of the grid of {self.task.name} around the agent"
         return fitted(board.items(), alt, (*notes, *board.notes()))
 
-    def _bounds(self) -> tuple[range, range] | None:
+    def _alt(self, columns: range, rows: range) -> str:
+        return f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
+
+    def _sides(self) -> tuple[range, range] | None:
+        """Return columns and rows that the agent may be in, where they are few."""
         place = self.figure.at
         ends = [bounds(node, {}) for node in place[:2] if component(node) is not None]
         if self.figure.map:
             ends = [(0, len(self.figure.map[0]) - 1), (0, len(self.figure.map) - 1)]
         elif len(place) == 1:
             ends = ends * 2  # one vector of both
-        if len(ends) != 2 or not all(-LARGEST < low <= high < LARGEST for low, high in ends):
+        sides = []
+        for low, high in ends:
+            if -LARGEST < low <= high < LARGEST:
+                sides.append(range(min(0, int(low)), int(high) + 1))
+        if len(ends) != 2 or len(sides) != 2:
             return None
-        columns, rows = (range(min(0, int(low)), int(high) + 1) for low, high in ends)
-        return columns, rows
+        return sides[0], sides[1]
 
     def _stay(self) -> bool:
+        """Test whether marks stay where they are."""
         marked = self.figure.highlight.values()
         return not reads_time(marked) and components_read(marked) <= unchanged(self.task)
+
+
+def _is_near(cell: Cell, other: Cell) -> bool:
+    return max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) < FARTHEST
 
 
 def _whole_numbers(places: Array) -> Array:

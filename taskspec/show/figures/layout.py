@@ -10,6 +10,7 @@ import numpy as np
 from taskspec.show.figures.machine import Machine, Transition
 
 Vertex = Hashable
+Outcome = tuple[int, float, float | None]  # a next state, its probability, and its own reward
 WIDE = 6
 MANY = 24
 """The most vertices of a layer, and of a graph."""
@@ -99,22 +100,22 @@ def _arcs(machine: Machine) -> list[Arc]:
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
     direct: dict[tuple[int, int], list[Transition]] = {}
-    alike: dict[tuple[int, tuple[tuple[int, float, float | None], ...]], dict[int, float | None]] = {}
+    alike: dict[tuple[int, tuple[Outcome, ...]], dict[int, float | None]] = {}
     for (source, action), targets in outcomes.items():
         if len(targets) == 1:
             direct.setdefault((source, targets[0].target), []).append(targets[0])
         else:
+            drawn: list[Outcome] = [(t.target, t.probability, t.reward) for t in targets]
             paid = None
-            drawn = tuple((t.target, t.probability, t.reward) for t in targets)
             if len({t.reward for t in targets}) == 1:  # paid by the action, whatever its outcome is
                 paid = targets[0].reward
-                drawn = tuple((t.target, t.probability, None) for t in targets)
-            alike.setdefault((source, drawn), {})[action] = paid
+                drawn = [(target, probability, None) for target, probability, _ in drawn]
+            alike.setdefault((source, tuple(drawn)), {})[action] = paid
     by_source: dict[int, list[Arc]] = {v: [] for v in machine.states}
-    for (source, drawn), paid_by in alike.items():
+    for (source, outcome), paid_by in alike.items():
         chance = ("chance", source, next(iter(paid_by)))
         by_source[source].append(_merged(source, chance, paid_by))
-        for target, probability, reward in drawn:
+        for target, probability, reward in outcome:
             by_source[source].append(Arc(chance, target, (), probability, reward))
     for (source, target), targets in direct.items():
         by_source[source].append(_merged(source, target, {t.action: t.reward for t in targets}))

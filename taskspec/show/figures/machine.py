@@ -123,7 +123,8 @@ class Machine:
             form = "{}"
             if not c.domain:
                 form = f"{plain(self.notation.symbol(c.name))} = {{}}"
-        return ", ".join(form.format(plain(self.labels[c])) for c in codes)
+        names = [plain(self.labels[code]) for code in codes]
+        return ", ".join(map(form.format, names))
 
     @cached_property
     def rewards(self) -> tuple[str, Mapping[int, float]]:
@@ -131,11 +132,12 @@ class Machine:
         if len({t.reward for t in self.transitions}) == 1:
             return "all", {}
         for how, end in (("reached", "target"), ("left", "source")):
-            by_action: dict[int, set[float]] = {}
+            by_state: dict[int, float] = {}
             for t in self.transitions:
-                by_action.setdefault(getattr(t, end), set()).add(t.reward)
-            if all(len(rewards) == 1 for rewards in by_action.values()):
-                return how, {code: rewards.pop() for code, rewards in by_action.items()}
+                if by_state.setdefault(getattr(t, end), t.reward) != t.reward:
+                    break
+            else:
+                return how, by_state
         return "arrow", {}
 
     def notes(self, shows_loops: bool) -> Iterator[str]:
@@ -226,8 +228,12 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
         new: dict[int, None] = {}
         over: dict[int, None] = {}
         for t in moved:
-            if t.target not in seen:
-                (over if t.ends else new)[t.target] = None
+            if t.target in seen:
+                continue
+            if t.ends:
+                over[t.target] = None
+            else:
+                new[t.target] = None
         seen |= new
         seen |= over
         if len(transitions) > MAX_TRANSITIONS:
@@ -305,13 +311,10 @@ class _Matrix:
         self.overlay = overlay
         self.place = {code: i for i, code in enumerate(sorted(machine.states))}
         self.named = len(self.place) <= NAMED
-        self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
+        self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM * self.named))
         self.side = self.cell * len(self.place)
-        if machine.fills:
-            self.strip = STRIP
-        else:
-            self.strip = 0.0
-        self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
+        self.strip = STRIP * bool(machine.fills)
+        self.right = self.side + (GAP + STRIP) * bool(overlay.occupancy)  # of all columns
 
     def cells(self) -> Iterator[sc.Item]:
         total: dict[tuple[int, int], float] = {}
@@ -349,7 +352,9 @@ class _Matrix:
         texts = [self.machine.labels[code] for code in self.place]
         widest = max(sc.text_width(text, LETTERS) for text in texts)
         all_numbers = all(isinstance(text, m.Num) for text in texts)
-        room = widest + (GAP if all_numbers else CLEAR)
+        room = widest + CLEAR
+        if all_numbers:
+            room = widest + GAP
         left = -0.12 - self.strip
         beside = left
         heads = texts
@@ -364,16 +369,16 @@ class _Matrix:
                 yield sc.Label((left, y), heads[i], LETTERS, "end", "muted")
         for i in self._spaced(room):
             yield sc.Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
-        for code, value in self.overlay.values.items() if self.named else ():
-            if code in self.place:
+        for code, value in self.overlay.values.items():
+            if self.named and code in self.place:
                 y = (self.place[code] + 0.5) * self.cell
                 yield sc.Label((self.right + 0.6, y), sc.equal("V", value), LETTERS, "start", "muted")
         yield sc.Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
         yield sc.Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
-        steps = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
-        return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
+        steps = np.array((1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000))
+        return range(0, len(self.place), int(steps[steps * self.cell >= room - 1e-9][0]))
 
     def starts(self) -> Iterator[sc.Item]:
         """Yield arrows to the rows in which episodes start, or dots where there is no room."""

@@ -110,11 +110,15 @@ def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[t
         yield "policy", ("", f"best actions{left}")
     if "expert" in wanted and ("policy" not in wanted or task.annotations.expert is not None):
         memory = ", whatever it remembers" * (task.annotations.memory is not None)
-        beside = ", as the best ones are" * ("policy" in wanted and not lacks)
-        yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
+        part = "policy"
+        beside = ""
+        if "policy" in wanted:
+            part = "expert"
+            beside = ", as the best ones are" * (not lacks)
+        yield part, ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
         scale = f"up to {number(most, 4)} per episode"
-        yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
+        yield "occupancy", (scale, f"{whose} {'discounted ' * (task.discount != 1)}visits{lacks}")
 
 
 def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
@@ -156,4 +160,7 @@ def _without_memory(model: Model, whole: Model, code: int) -> int:
 
 
 def _policy(model: Model, table: Array) -> dict[int, tuple[int, ...]]:
-    return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}
+    policy = {}
+    for i in np.flatnonzero(model.acting):
+        policy[int(model.codes[i])] = tuple(np.flatnonzero(table[:, i] > 0).tolist())
+    return policy

@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import plural
+from taskspec.base.named import all_names
 from taskspec.exact.model.space import Space
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.types import TIME, Expression, Role
@@ -21,7 +22,7 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures.board import central
 from taskspec.show.figures.overlays import Overlay
 from taskspec.show.figures.shapes import ROLES, Box, Circle, Item, Label, Line, Point, Scene, fitted, sign, signed
-from taskspec.show.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, reads_of
+from taskspec.show.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, repeated
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.names import of_task
 
@@ -129,36 +130,42 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     across = component(place)
     if across is None:
         return None
-    along = expert_path(task, 20 if task.horizon is None else 100, SEED)
-    shown = along
-    if overlay.here is not None:
-        shown = [dict(overlay.here)]
+    steps = 100
+    if task.horizon is None:
+        steps = 20
+    along = expert_path(task, steps, SEED)
     path = [_place(task, figure.at, state) for state in along]
-    dots = [_place(task, figure.at, state) for state in shown]
-    places = [x for x, _ in (*path, *dots)]
-    low = min(places)
-    high = max(places)
+    first = along[0]
+    shown = path
+    if overlay.here is not None:
+        first = dict(overlay.here)
+        shown = [_place(task, figure.at, first)]
+    low, _ = min(path + shown)
+    high, _ = max(path + shown)
     if high - low < 1e-9:
         xs = np.linspace(low - 0.5, high + 0.5, SAMPLES)
     else:
         xs = np.linspace(low - 0.1 * (high - low), high + 0.15 * (high - low), SAMPLES)
-    reads = {key: np.repeat(v, SAMPLES, axis=-1) for key, v in reads_of(task, shown[0]).items()}
-    ys = at_states(task, figure.curve, reads | {(Role.STATE, across): xs}, SAMPLES)
+    reads = repeated(task, first, SAMPLES) | {(Role.STATE, across): xs}
+    ys = at_states(task, figure.curve, reads, SAMPLES)
     line = list(zip(xs.tolist(), ys.tolist(), strict=True))
-    heights = [y for _, y in (*line, *path, *dots)]
+    heights = [y for _, y in line + path + shown]
     plot = Axes((float(xs[0]), float(xs[-1])), (min(heights), max(heights)))
     names = of_task(task)
+    upwards: m.Math = m.Ident("y")
     up = component(level)
-    symbols: list[m.Math] = [names.symbol(across), m.Ident("y") if up is None else names.symbol(up)]
-    items: list[Item] = [*plot.arrows(symbols)]
+    if up is not None:
+        upwards = names.symbol(up)
+    items: list[Item] = [*plot.arrows([names.symbol(across), upwards])]
     items.append(Line(tuple(starmap(plot.at, line)), color="accent", width=0.07))
-    for run in runs(dots, [period(task, node) for node in figure.at]):
-        items.append(Line(tuple(starmap(plot.at, dots[run])), color="second", width=0.03))
+    dots = list(starmap(plot.at, shown))
+    for run in runs(shown, [period(task, node) for node in figure.at]):
+        items.append(Line(tuple(dots[run]), color="second", width=0.03))
     every = -(-len(dots) // MOST_DOTS)
-    items += [Circle(plot.at(*p), 0.05, "ink", None) for p in dots[::every]]
+    items += [Circle(dot, 0.05, "ink", None) for dot in dots[::every]]
     notes: tuple[str, ...] = ()
     if len(dots) > 1:
-        items.append(Circle(plot.at(*dots[0]), 0.1, None, "ink"))
+        items.append(Circle(dots[0], 0.1, None, "ink"))
         notes = ("Dots: an episode of the expert, from the ringed one on.",)
     return fitted(items, f"Curve of {task.name}, with the places of an episode marked on it", notes)
 
@@ -174,9 +181,11 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     What is highlighted is shaded, everything but the two components being as in the first state.
     """
     at = figure_of(task).at
-    shown = [component(node) for node in at]
     scalars = {c.name: c for c in task.state if not c.type.shape}
-    pair = [scalars[name] for name in shown if name in scalars]
+    pair = []
+    for node in at:
+        if component(node) in scalars:
+            pair.append(scalars[component(node) or ""])
     if len(pair) != 2 or len(at) != 2 or is_random(task.process.next):
         return None
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
@@ -184,8 +193,8 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
         path = expert_path(task)
     else:
         path = [dict(overlay.here)]
-    places = np.array([[state[c.name] for c in pair] for state in path], np.float64)
-    if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
+    places = np.array([[state[c.name] for state in path] for c in pair], np.float64).T
+    if not (np.isfinite(places).all() and np.isfinite(np.ptp(ends, axis=1)).all()):
         return None
     plot = Axes(*ends)
     plane = _Plane(task, [c.name for c in pair], plot, path[0])
@@ -226,8 +235,10 @@ class _Plane:
         x = _spread(*self.plot.x, columns, edge)
         y = _spread(*self.plot.y, rows, edge)
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
-        return points, reads | {(Role.STATE, name): points[:, i] for i, name in enumerate(self.pair)}
+        reads = repeated(self.task, self.state, len(points))
+        for name, column in zip(self.pair, points.T, strict=True):
+            reads[Role.STATE, name] = column
+        return points, reads
 
     def shades(self) -> Iterator[Item]:
         """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
@@ -254,17 +265,17 @@ class _Plane:
         """Yield arrows for one step from points of the plane, the longest as long as there is room."""
         points, reads = self.grid(ACROSS, DOWN)
         reads |= _neutral(self.task) | {TIME: np.zeros(1, dtype=np.int64)}
-        after = dict(zip((c.name for c in self.task.state), batch.evaluate(self.task.process.next, reads), strict=True))
+        after = dict(zip(all_names(self.task.state), batch.evaluate(self.task.process.next, reads), strict=True))
         targets = np.stack([np.broadcast_to(after[name], len(points)) for name in self.pair], axis=-1).astype(float)
         led = np.isfinite(targets).all(1)
-        starts = list(starmap(self.plot.at, points[led].tolist()))
-        ends = starmap(self.plot.at, targets[led].tolist())
-        moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ends, strict=True)]
-        longest = max((max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves), default=0.0) or 1.0
-        for (x, y), (dx, dy) in zip(starts, moves, strict=True):
-            if math.hypot(dx, dy) / longest > 0.03:
-                tip = (x + 0.9 * dx / longest, y + 0.9 * dy / longest)
-                yield Line(((x, y), tip), arrow=True, color="muted", width=0.02)
+        starts = np.array(list(starmap(self.plot.at, points[led].tolist()))).reshape(-1, 2)
+        ends = np.array(list(starmap(self.plot.at, targets[led].tolist()))).reshape(-1, 2)
+        moves = ends - starts
+        longest = (np.abs(moves) * (ACROSS / WIDTH, DOWN / HEIGHT)).max(initial=0.0) or 1.0
+        tips = starts + 0.9 * moves / longest
+        for i in np.flatnonzero(np.hypot(*moves.T) / longest > 0.03):
+            line = (tuple(starts[i].tolist()), tuple(tips[i].tolist()))
+            yield Line(line, arrow=True, color="muted", width=0.02)
 
 
 def _neutral(task: Task) -> Reads:
@@ -274,7 +285,9 @@ def _neutral(task: Task) -> Reads:
     reads: Reads = {}
     for c in task.action:
         middle = (min(c.low) + max(c.high)) / 2
-        reads[Role.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
+        if not math.isfinite(middle):
+            middle = 0.0
+        reads[Role.ACTION, c.name] = np.full((*c.type.shape, 1), middle)
     return reads
 
 
@@ -301,5 +314,7 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
         *(Circle(p, joint, "paper") for p in points[:-1]),
         Circle(points[-1], joint, "ink"),
     ]
-    notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
+    notes: tuple[str, ...] = ()
+    if overlay.here is None:
+        notes = ("A first state. The circle is how far the arm reaches.",)
     return fitted(items, f"{task.name} as an arm of {plural(len(angles), 'link')}", notes)

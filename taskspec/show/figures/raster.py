@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any, assert_never
@@ -13,6 +10,7 @@ import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
+from taskspec.show.figures import chart
 from taskspec.show.figures.shapes import COLORS, Box, Circle, Label, Line, Scene, head, shaft
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.text import plain
@@ -30,19 +28,14 @@ OVERLAP = 2.5  # centimetres that are seen on two pages, where a frame has no ro
 
 def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
-    metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
-    picture = BytesIO()
-    with _quiet():
-        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
-    write_bytes(path, picture.getvalue())
-
-
-def _figure(scene: Scene) -> Any:
     figure, axes = _canvas(scene.width, scene.height)
     axes.set_xlim(0, scene.width)
     axes.set_ylim(scene.height, 0)
     _draw(axes, scene, 1.0)
-    return figure
+    picture = BytesIO()
+    with chart.quiet():
+        figure.savefig(picture, format=kind, dpi=DPI, metadata=chart.METADATA[kind])
+    write_bytes(path, picture.getvalue())
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -50,8 +43,10 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
 
     If its words would be too small to read, the part of it is shown that holds its focus.
     """
-    width, height = (n * INCH / DPI for n in size)
-    room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
+    width, height = np.multiply(size, INCH / DPI).tolist()
+    room = height
+    if title:
+        room -= TITLE + LINE * len(title.split("\n"))
     scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
     x, y = scene.focus or (0.0, 0.0)
     if scene.focus is not None:
@@ -65,7 +60,7 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     if title:
         place = {"transform": axes.transAxes, "ha": "left", "va": "top"}
         axes.text(0.02, 0.98, title, fontsize=9, family=FONTS, parse_math=False, **place)
-    with _quiet():
+    with chart.quiet():
         figure.canvas.draw()
     return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
 
@@ -77,14 +72,6 @@ def _first(room: float, size: float, focus: float) -> float:
     step = room - OVERLAP
     page = max(0.0, (focus - OVERLAP / 2) // step)
     return min(page * step, size - room)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Hide warnings about letters that no font has; they are drawn as boxes."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
-        yield
 
 
 def _canvas(width: float, height: float) -> tuple[Any, Any]:
@@ -103,25 +90,34 @@ def _draw(axes: Any, scene: Scene, scale: float) -> None:
             case Circle(centre=centre, radius=r):
                 axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
             case Box(corner=(x, y), width=w, height=h, round=corner):
-                style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
+                style = "square,pad=0"
+                if corner:
+                    style = f"round,pad=0,rounding_size={corner}"
                 axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
             case Line():
-                codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
-                path = need("matplotlib.path", "figures").Path(shaft(item), codes)
                 stroke: dict[str, Any] = {"edgecolor": COLORS[item.color], "linewidth": item.width * points}
                 if item.is_dashed:
                     stroke["linestyle"] = DASHES
-                axes.add_patch(patches.PathPatch(path, fill=False, zorder=order, **stroke))
+                axes.add_patch(patches.PathPatch(_path(item), fill=False, zorder=order, **stroke))
                 if item.arrow:
                     tip = patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order)
                     axes.add_patch(tip)
             case Label(at=(x, y), anchor=anchor):
                 side = {"start": "left", "middle": "center", "end": "right"}[anchor]
-                halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None
+                halo = None
+                if item.halo:
+                    halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6}
                 axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
                           color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm", bbox=halo)  # fmt: skip
             case _:
                 assert_never(item)
+
+
+def _path(line: Line) -> Any:
+    kind = 2  # of the points after the first: ends of straight lines, or of a Bézier curve
+    if line.curved:
+        kind = 4
+    return need("matplotlib.path", "figures").Path(shaft(line), [1] + [kind] * (len(line.points) - 1))
 
 
 def _paint(item: Circle | Box) -> dict[str, Any]:

@@ -66,7 +66,10 @@ class Film:
         fps = env.metadata["render_fps"]
         writer = self._writer or self._open(fps)
         picture = self._drawing.draw(env.task, env.state, env.time, note or "start")
-        for _ in range(1 + round(HOLD * fps) if last else 1):
+        copies = 1
+        if last:
+            copies += round(HOLD * fps)
+        for _ in range(copies):
             with refused(self._path):
                 writer.append_data(picture)
             self.frames += 1
@@ -119,8 +122,10 @@ def watching(kind: str | None, path: Path, episodes: int, show: Callable[[str], 
     """
 
     def show_text(env: Any, note: str, last: bool) -> None:
-        remark = f"\n  {note}" if note else ""
-        show(f"{env.render()}{remark}\n")
+        lines = [env.render()]
+        if note:
+            lines.append(f"  {note}")
+        show("\n".join(lines) + "\n")
 
     match kind:
         case "ansi":

@@ -73,7 +73,7 @@ def ways(a: Spot, b: Spot, both: bool, arrow: bool) -> list[Line]:
     """Return lines from one vertex to another, the usual one first, which bends where another arrow returns."""
     bends = list(BENDS)
     if both:
-        bends = [0.32, *(bend for bend in BENDS if bend != 0.32)]
+        bends[:2] = [0.32, 0.0]
     return [_bent(a, b, bend, arrow) for bend in bends]
 
 
@@ -103,7 +103,9 @@ def loops(v: Spot) -> list[Line]:
     """Return loops above, below, right and left of a vertex; in the last column, the one on the right first."""
     x, y = v.at
     d = 0.2
-    inset = 0.85 if v.is_round else 1.0
+    inset = 1.0
+    if v.is_round:
+        inset = 0.85
     curves = []
     for sign in (1.0, -1.0):
         far = x + sign * (v.half + LOOP_OUT)
@@ -340,6 +342,6 @@ def beside(v: Spot, text: m.Math, row: int, looped: bool) -> list[Label]:
         places += [(x + corner, y + sy * (RADIUS + down), "start"), (x - corner, y + sy * (RADIUS + down), "end")]
     places.append((x + side + LOOP_OUT, y + down, "start"))
     if v.last:
-        right = v.half + 0.16 + (LOOP_OUT - 0.2 if looped else 0.0)
+        right = v.half + 0.16 + (LOOP_OUT - 0.2) * looped
         places[0] = (x + right, y + down, "start")
     return [Label((px, py), text, STATE, anchor) for px, py, anchor in places]

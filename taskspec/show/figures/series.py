@@ -55,7 +55,8 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         return None
     path, whose = episode_path(task)
     if len(path) <= SHORT:
-        path, whose = max((episode_path(task, seed=seed) for seed in range(SEEDS)), key=lambda numbers: len(numbers[0]))
+        episodes = [episode_path(task, seed=seed) for seed in range(SEEDS)]
+        path, whose = max(episodes, key=lambda each: len(each[0]))
     steps = len(path) - 1
     numbers = []
     if steps > 0:
@@ -67,7 +68,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     items: list[Item] = []
     for i, number in enumerate(numbers[:MOST]):
         ends = _wide(min(number.values), max(number.values))
-        if min(number.values) == max(number.values):
+        if len(set(number.values)) == 1:
             ends = _scale(number)
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
     items += _time(0, steps, len(numbers[:MOST]))
@@ -95,7 +96,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
 
 
 def _is_finite(numbers: Sequence[_Number]) -> bool:
-    return bool(numbers) and all(math.isfinite(max(x.values) - min(x.values)) for x in numbers)
+    return bool(numbers) and all(math.isfinite(np.ptp(x.values)) for x in numbers)
 
 
 def _scale(number: _Number) -> tuple[float, float]:
@@ -105,9 +106,9 @@ def _scale(number: _Number) -> tuple[float, float]:
         size = max(map(abs, number.values)) or 1.0
         if 1e-300 < size < 1e300:  # the next one of 1, 2, 5 times a power of ten
             unit = 10.0 ** math.floor(math.log10(size))
-            size = next(n * unit for n in (1, 2, 5, 10) if n * unit >= size or n == 10)
-        low = -size if low < 0 else 0.0
-        high = size if high > 0 else 0.0
+            size = min(filter(size.__le__, (unit, 2 * unit, 5 * unit)), default=10 * unit)
+        low = -size * (low < 0)
+        high = size * (high > 0)
     return _wide(low, high)
 
 
@@ -133,8 +134,9 @@ def _panel(
 ) -> Iterator[Item]:
     """Yield one number over time, on a scale of its own; a frame has a dot at the present."""
     low, high = ends
-    heights = [top + PANEL * (high - value) / (high - low) for value in number.values]
-    points = [(WIDTH * t / span, y) for t, y in zip(times, heights, strict=True)]
+    points = []
+    for t, value in zip(times, number.values, strict=True):
+        points.append((WIDTH * t / span, top + PANEL * (high - value) / (high - low)))
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
     for run in runs([(v,) for v in number.values], (number.period,)):
         yield Line(tuple(points[run]), color="accent", width=0.05)
@@ -166,7 +168,7 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     if node is None:
         names = of_task(task)
         for c in filter(_is_followed, task.state):
-            rows = np.array([np.asarray(state[c.name], dtype=float).reshape(-1) for state in path])
+            rows = np.array([state[c.name] for state in path], dtype=float).reshape(len(path), -1)
             around = math.inf
             if c.type.is_scalar:
                 around = period(task, c.value)
@@ -187,10 +189,9 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
 
 def _symbols(task: Task, node: Expression) -> list[m.Math]:
     names = of_task(task)
-    written = None
-    if task.spec.figure is not None:
-        written = task.spec.figure.values
-    whole = expression("v" if written is None else written)
+    whole = expression("v")
+    if task.spec.figure is not None and task.spec.figure.values is not None:
+        whole = expression(task.spec.figure.values)
     if isinstance(whole, s.Vector) and len(whole.items) == node.type.size:
         return [mathematics(item, names) for item in whole.items]
     base = mathematics(whole, names)

@@ -124,7 +124,8 @@ def fitted(
     drawn: Mapping[str, str] | None = None,
 ) -> Scene:
     items = tuple(items)
-    lefts, tops, rights, bottoms = zip(*(map(_extent, items) if items else [(0.0, 0.0, 1.0, 1.0)]), strict=True)
+    extents = list(map(_extent, items)) or [(0.0, 0.0, 1.0, 1.0)]
+    lefts, tops, rights, bottoms = zip(*extents, strict=True)
     left = min(lefts) - margin
     top = min(tops) - margin
     moved = items
@@ -257,7 +258,7 @@ def sign(role: Color, at: Point, size: float) -> Iterator[Line]:
 def keyed(scene: Scene) -> Scene:
     """Return the scene with a key of its roles below it, on its left; as it is without any."""
     shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
-    key = list[Item]()
+    key: list[Item] = []
     x = 0.0
     y = scene.height + KEY
     for role in ROLES.values():

@@ -23,6 +23,7 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures.shapes import Box, Item, Label, Line, Scene, fitted, text_width
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.names import of_task
+from taskspec.show.record import value_words
 
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
@@ -64,6 +65,11 @@ def reads_of(task: Task, state: State) -> Reads:
     return reads
 
 
+def repeated(task: Task, state: State, count: int) -> Reads:
+    """Return `count` times one state."""
+    return {read: np.repeat(value, count, axis=-1) for read, value in reads_of(task, state).items()}
+
+
 def all_states(task: Task) -> tuple[Reads, int] | None:
     """Return every declared state of a finite task, or None when there are too many."""
     if not task.is_finite:
@@ -96,22 +102,22 @@ def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[di
     """Return states of an episode of the expert where its actions are expressions, else of random actions; and whose it is."""
     task = task.remembering()
     expert = task.annotations.expert
-    is_expert = isinstance(expert, tuple) and not is_random(expert)
-    if is_expert:
+    whose = "random actions"
+    choose = at_random(task)
+    if isinstance(expert, tuple) and not is_random(expert):
+        whose = "the expert"
         choose = by_expert(task)
-    else:
-        choose = at_random(task)
     rollout = Rollout(task, 1, seed)
     rng = np.random.default_rng(seed)
     state = rollout.start()
     states = [first_lane(state)]
-    for t in range(steps if task.horizon is None else min(steps, task.horizon)):
+    for t in range(min(steps, task.horizon or steps)):
         moved = rollout.step(state, choose(state, t, rng), t)
         state = moved.state
         states.append(first_lane(state))
         if bool(np.all(moved.terminal)):
             break
-    return states, "the expert" if is_expert else "random actions"
+    return states, whose
 
 
 # Observations, and states as tables.
@@ -136,12 +142,12 @@ def observed(task: Task) -> Iterator[Item]:
     x = 0.0
     for component, flat in zip(task.observation.components, flats, strict=True):
         symbol = names.symbol(component.name)
-        word = m.Words("" if component.type.shape else _word(component, flat))
         if component.type.shape:
-            width = min(WIDTH, 0.3 * len(flat))
+            least = min(WIDTH, 0.3 * len(flat))
         else:
-            width = max(SIDE, text_width(word, LETTERS) + 0.2)
-        width = max(width, text_width(symbol, LETTERS))
+            word = m.Words(_word(component, flat))
+            least = max(SIDE, text_width(word, LETTERS) + 0.2)
+        width = max(least, text_width(symbol, LETTERS))
         yield Label((x + width / 2, -0.25), symbol, LETTERS)
         if component.type.shape:
             yield from _bars(x, width, flat)
@@ -184,13 +190,12 @@ def state_table(task: Task, state: State) -> Scene:
         if c.domain is not None and not isinstance(value, str) and np.ndim(value) == 0:
             value = c.domain.labels[int(value)]
         flat = np.asarray(value).reshape(-1).tolist()
-        shown = [f"{v:.4g}" if isinstance(v, float) else str(v) for v in flat[:ELEMENTS]]
+        shown = list(map(value_words, flat[:ELEMENTS]))
         if len(flat) > ELEMENTS:
             shown.append("…")
+        word = shown[0]
         if c.type.shape:
             word = f"({', '.join(shown)})"
-        else:
-            word = shown[0]
         text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(word)))
         items.append(Label((0.0, 0.55 * i), text, anchor="start"))
     return fitted(items, f"A state of {task.name}", margin=0.3)

@@ -64,20 +64,22 @@ def svg_item(item: sc.Item) -> str:
 
 
 def _svg_paint(item: sc.Circle | sc.Box) -> str:
-    classes = [f"{part}-{role}" for part, role in (("fill", item.fill), ("line", item.line)) if role is not None]
+    classes = []
     inside = "none"
-    if item.fill is not None:
-        inside = sc.COLORS[item.fill]
     faded = ""
-    if item.fill and item.shade < 1:
-        faded = f' fill-opacity="{item.shade:.2f}"'
     edge = ""
-    if item.line:
-        edge = f' stroke="{sc.COLORS[item.line]}" stroke-width="{_px(0.032)}"'
     state = ""
+    if item.fill is not None:
+        classes.append(f"fill-{item.fill}")
+        inside = sc.COLORS[item.fill]
+        if item.shade < 1:
+            faded = f' fill-opacity="{item.shade:.2f}"'
+    if item.line is not None:
+        classes.append(f"line-{item.line}")
+        edge = f' stroke="{sc.COLORS[item.line]}" stroke-width="{_px(0.032)}"'
     if item.state is not None:
         state = f' data-state="{item.state}"'
-    return f'{state} class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
+    return f'{state} class="{" ".join(classes)}" fill="{inside}"{faded}{edge}'
 
 
 def _svg_line(line: sc.Line) -> str:
@@ -85,7 +87,7 @@ def _svg_line(line: sc.Line) -> str:
     if line.curved:
         path = f"M{first} C{' '.join(others)}"
     else:
-        path = f"M{first} {' '.join(f'L{p}' for p in others)}"
+        path = " L".join((f"M{first}", *others))
     dash = ""
     if line.is_dashed:
         dash = f' stroke-dasharray="{" ".join(map(_px, DASHES))}"'
@@ -100,10 +102,9 @@ def _svg_line(line: sc.Line) -> str:
 def _label(label: sc.Label) -> str:
     x, y = label.at
     fill = f"fill-{label.color}"
-    halo = f' stroke="{sc.COLORS["paper"]}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
-    style = halo
-    if not label.halo:
-        style = f' class="{fill}"'
+    style = f' class="{fill}"'
+    if label.halo:
+        style = f' stroke="{sc.COLORS["paper"]}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.COLORS[label.color]}"{style}>{runs(label.text)}</text>'
 
@@ -136,7 +137,10 @@ def tikz(scene: sc.Scene) -> str:
 
 def tikz_colors() -> str:
     """Return definitions of the named colours."""
-    return "\n".join(rf"\definecolor{{task{role}}}{{HTML}}{{{code[1:].upper()}}}" for role, code in sc.COLORS.items())
+    lines = []
+    for role, code in sc.COLORS.items():
+        lines.append(rf"\definecolor{{task{role}}}{{HTML}}{{{code[1:].upper()}}}")
+    return "\n".join(lines)
 
 
 def _cm(value: float) -> str:

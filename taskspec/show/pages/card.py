@@ -31,7 +31,7 @@ def linked_data(task: Task, facts: Facts) -> dict[str, Any]:
         "headline": task.title or task.name,
         "description": " ".join((spec.summary or spec.description or task.title or task.name).split()),
         "version": str(task.source.version),
-        "keywords": ["reinforcement learning", *filter(None, [spec.capability]), *spec.keywords],
+        "keywords": list(filter(None, ["reinforcement learning", spec.capability, *spec.keywords])),
         "programmingLanguage": "YAML",
         "runtimePlatform": "Gymnasium",
         "citation": [_citation(x.key, x.where, references.get(x.key)) for x in spec.sources],
@@ -45,9 +45,12 @@ def linked_data(task: Task, facts: Facts) -> dict[str, Any]:
 def _citation(key: str, where: str | None, reference: Reference | None) -> dict[str, Any]:
     if reference is None:
         return {"@type": "CreativeWork", "identifier": key}
-    record: dict[str, Any] = {"@type": "ScholarlyArticle", "name": reference.plain("title")}
-    people = [person for person in reference.plain("author").split(" and ") if person not in ("", "others")]
-    record["author"] = [{"@type": "Person", "name": " ".join(reversed(person.split(", ", 1)))} for person in people]
+    authors = []
+    for person in reference.plain("author").split(" and "):
+        family, _, given = person.partition(", ")
+        if person not in ("", "others"):
+            authors.append({"@type": "Person", "name": f"{given} {family}".strip()})
+    record: dict[str, Any] = {"@type": "ScholarlyArticle", "name": reference.plain("title"), "author": authors}
     for name, field in (("datePublished", "year"), ("url", "url")):
         if field in reference.fields:
             record[name] = reference.plain(field)
@@ -61,7 +64,7 @@ def _citation(key: str, where: str | None, reference: Reference | None) -> dict[
 def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
     """Yield what is known of a task as values with names; `propertyID` is the kind of each."""
     for p in task.parameters:
-        yield _property("parameter", p.name, p.value, f"{domain_words(p)}{f'; {p.doc}' if p.doc else ''}")
+        yield _property("parameter", p.name, p.value, "; ".join(filter(None, (domain_words(p), p.doc))))
     for modifier in task.modifiers:
         yield _property("modifier", modifier.name, str(modifier))
     yield _property("space", "observation", space_words(task.observation_layout))
@@ -78,7 +81,9 @@ def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
 
 def _property(kind: str, name: str, value: Any, description: str = "") -> dict[str, Any]:
     record = {"@type": "PropertyValue", "propertyID": kind, "name": name, "value": value}
-    return record | ({"description": description} if description else {})
+    if description:
+        record["description"] = description
+    return record
 
 
 def _return(name: str, score: Return) -> dict[str, Any]:
@@ -88,10 +93,8 @@ def _return(name: str, score: Return) -> dict[str, Any]:
         return record | {"minValue": value - score.half, "maxValue": value + score.half}
     fraction = small_fraction(score.value, LARGEST, 1e-12 * max(1.0, abs(value)))
     if fraction is None or fraction.denominator == 1:
-        exact = "exact"
-    else:
-        exact = f"exact: {fraction}"
-    return _property("return", name, value, exact)
+        return _property("return", name, value, "exact")
+    return _property("return", name, value, f"exact: {fraction}")
 
 
 def markdown(card: dict[str, Any]) -> str:
@@ -116,10 +119,12 @@ def markdown(card: dict[str, Any]) -> str:
     lines.append(f"| content | `{card['identifier'][1]}` |")
     if "claim" in kinds:
         lines += ["", "Claims:", ""]
-        lines += [f"- `{each['name']}`: {escape(each.get('description') or 'not checked')}" for each in kinds["claim"]]
+        for each in kinds["claim"]:
+            lines.append(f"- `{each['name']}`: {escape(each.get('description', 'not checked'))}")
     if card["citation"]:
         lines += ["", "Sources:", ""]
-        lines += [f"- {escape(_cited(source))}" for source in card["citation"]]
+        for source in card["citation"]:
+            lines.append(f"- {escape(_cited(source))}")
     return visible("\n".join(lines)) + "\n"
 
 

@@ -38,7 +38,8 @@ class Writing:
 
     @cached_property
     def notation(self) -> Notation:
-        return self.plain.with_symbols({name: m.Accent("hat", self.plain.symbol(name)) for name in self.hatted})
+        hats = {name: m.Accent("hat", self.plain.symbol(name)) for name in self.hatted}
+        return self.plain.with_symbols(hats)
 
     @property
     def spec(self) -> Spec:
@@ -48,7 +49,9 @@ class Writing:
         return written_in(self.task, section)
 
     def put(self, expr: s.Expr) -> s.Expr:
-        return rewrites.substitute(expr, self.values) if self.values else expr
+        if self.values:
+            return rewrites.substitute(expr, self.values)
+        return expr
 
     def math(self, expr: s.Expr, of: str | None = None) -> m.Math:
         return mathematics(self.put(expr), self.notation, of)
@@ -70,11 +73,10 @@ class Writing:
         Where conditions decide about elements, or one value is that of all, the left side has an index. `arguments` are
         those of a function, with their axes.
         """
+        if rewrites.shows_probabilities(expr):
+            return m.Row((left, m.Sym("="), self.math(expr, of)))
         if rewrites.is_draw(expr):
-            sign = "∼"
-            if rewrites.shows_probabilities(expr):
-                sign = "="
-            return m.Row((left, m.Sym(sign), self.math(expr, of)))
+            return m.Row((left, m.Sym("∼"), self.math(expr, of)))
         apart = rewrites.take_apart(expr, self.drawn)
         writer = ExpressionWriter(self.notation)
         axes = {**self.notation.axes, **(arguments or {})}
@@ -95,7 +97,9 @@ class Writing:
         else:
             inner, index, element = elements
             right = inner.number(element).tree
-        parts = [left if index is None else indexed(left, index), m.Sym("="), right]
+        if index is not None:
+            left = indexed(left, index)
+        parts = [left, m.Sym("="), right]
         for name, draw in apart.draws:
             parts += [m.Sym(","), m.Gap("wide"), mathematics(name, notation), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
@@ -104,15 +108,25 @@ class Writing:
     def drawn(self) -> str:
         """The letter for what is drawn inside an expression: one that neither is a name of the task nor looks like one."""
         looks = set(self.notation.symbols.values())
-        free = (x for x in LETTERS if x not in self.notation.symbols and symbol(x) not in looks)
-        return next(free, LETTERS[0])
+        for letter in LETTERS:
+            if letter not in self.notation.symbols and symbol(letter) not in looks:
+                return letter
+        return LETTERS[0]
 
     def domain(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         """Return the set of values of a component or parameter."""
-        bounds = {key: getattr(entry, key) for key in ("low", "high") if getattr(entry, key) is not None}
-        lists = [end for end in bounds.values() if isinstance(end, list)]
-        if lists:  # a bound for each element
-            sets = [self._scalar(name, entry, self._of_element(bounds, i)) for i in range(len(lists[0]))]
+        bounds = {}
+        count = 0  # of elements with bounds of their own
+        for key in ("low", "high"):
+            end = getattr(entry, key)
+            if end is not None:
+                bounds[key] = end
+            if isinstance(end, list):
+                count = len(end)
+        if count:
+            sets = []
+            for i in range(count):
+                sets.append(self._scalar(name, entry, self._of_element(bounds, i)))
             return _product(sets)
         ends = self._of_element(bounds, "i")
         if ends != bounds:
@@ -142,25 +156,36 @@ class Writing:
         return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:
-        low = None
-        if "low" in ends:
-            low = self.declared(ends["low"])
-        high = None
-        if "high" in ends:
-            high = self.declared(ends["high"])
         match entry.type:
             case "bool":
                 return interval(m.Num("0"), m.Num("1"))
             case "choice":
-                labels = self.notation.labels.get(name) or {str(v): m.Words(str(v)) for v in entry.values or ()}
+                labels = self.notation.labels.get(name) or {v: m.Words(str(v)) for v in entry.values or ()}
                 return m.braces(m.joined(labels.values()))
             case "int":
-                return _integers(low, high)
-        if low is None and high is None:
+                return self._integers(ends)
+        if not ends:
             return m.Ident("R", "blackboard")
-        infinity = m.Ident("∞")
-        inside = m.joined((low or m.Row((m.Sym("−"), infinity)), high or infinity))
-        return m.Fence("[" if low else "(", inside, "]" if high else ")")
+        left = "("
+        right = ")"
+        high: m.Math = m.Ident("∞")
+        low: m.Math = m.Row((m.Sym("−"), high))
+        if "low" in ends:
+            left = "["
+            low = self.declared(ends["low"])
+        if "high" in ends:
+            right = "]"
+            high = self.declared(ends["high"])
+        return m.Fence(left, m.joined((low, high)), right)
+
+    def _integers(self, ends: Mapping[str, Any]) -> m.Math:
+        if len(ends) == 2:
+            return interval(self.declared(ends["low"]), self.declared(ends["high"]))
+        integers = m.Ident("Z", "blackboard")
+        for key, sign in (("low", "≥"), ("high", "≤")):
+            if key in ends:
+                return m.Script(integers, m.Row((m.Sym(sign), self.declared(ends[key]))))
+        return integers
 
     def space(self, components: Mapping[str, ComponentEntry]) -> m.Math:
         """Return the product of the components' sets, equal neighbours as a power."""
@@ -200,10 +225,10 @@ class Writing:
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
         """Return the arguments of a value: state, action, next state, time, in this order."""
         used = self.reads(expr)
-        symbols = [self.symbol(name) for name in (*self.spec.state, *self.spec.action) if name in used]
-        symbols += [self.symbol(name, primed=True) for name in self.spec.state if name + "'" in used]
-        if "t" in used:
-            symbols.append(self.symbol("t"))
+        names = (*self.spec.state, *self.spec.action, *(f"{name}'" for name in self.spec.state), "t")
+        symbols = []
+        for name in filter(used.__contains__, names):
+            symbols.append(self.symbol(name.removesuffix("'"), primed=name.endswith("'")))
         return tuple(symbols)
 
 
@@ -212,20 +237,11 @@ def _product(sets: Sequence[m.Math]) -> m.Math:
     for factor, group in groupby(sets):
         count = len(list(group))
         if count > 1:
-            base = m.brackets(factor) if isinstance(factor, m.Script) else factor
-            factor = m.Script(base, sup=m.Num(str(count)))
+            if isinstance(factor, m.Script):
+                factor = m.brackets(factor)
+            factor = m.Script(factor, sup=m.Num(str(count)))
         factors.append(factor)
     return m.joined(factors, "×")
-
-
-def _integers(low: m.Math | None, high: m.Math | None) -> m.Math:
-    integers = m.Ident("Z", "blackboard")
-    if low is not None and high is not None:
-        return interval(low, high)
-    for sign, end in (("≥", low), ("≤", high)):
-        if end is not None:
-            return m.Script(integers, m.Row((m.Sym(sign), end)))
-    return integers
 
 
 def unchanged(task: Task, dynamics: Mapping[str, s.Expr]) -> Iterator[str]:

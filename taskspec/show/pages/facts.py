@@ -72,7 +72,7 @@ def _facts(results: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> 
             shown |= _bounds("best return without memory", seen.memoryless)
         else:
             shown[f"{name} return"] = value
-    unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
+    unknown = [f"{name} return" for name in ("optimal", "worst") if returns[name] is None]
     return Facts(shown, tuple(by_claim(results.task, said)), wrong, unknown, results.model)
 
 
@@ -93,7 +93,10 @@ def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
         stated = [next(waiting) for _ in claim.cases or ({},)]
         worst = max(stated, key=lambda verdict: order.index(verdict.status))
         shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in stated))
-        yield Mark(None if worst.status == "undecided" else bool(worst.holds), shown)
+        holds = None
+        if worst.status != "undecided":
+            holds = bool(worst.holds)
+        yield Mark(holds, shown)
 
 
 def title(facts: Facts) -> str:
@@ -176,28 +179,31 @@ def _estimate(value: Value) -> m.Math:
 
 def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    size = value
-    if value < 0:
-        size = -value
+    size = abs(value)
     if isinstance(size, float) and math.isfinite(size):
-        small = small_fraction(size, 999, 1e-13 * max(1.0, size))  # which it equals up to rounding
-        if small is not None:
-            size = small
-    sign = (m.Sym("−"),) if value < 0 and size else ()
+        size = small_fraction(size, 999, 1e-13 * max(1.0, size)) or size  # which it equals up to rounding
+    if value < 0 and size:
+        return m.row(m.Sym("−"), *_digits(size, "−"))
+    return m.row(*_digits(size, "+"))
+
+
+def _digits(size: Value, sign: str) -> Iterator[m.Math]:
+    """Yield the number from 0 on; a fraction after a whole number has the sign of both."""
     if size == math.inf:
-        return m.row(*sign, m.Ident("∞"))
+        yield m.Ident("∞")
+        return
     if isinstance(size, Fraction) and size.denominator < 1000 and 10**9 % size.denominator:  # no short decimal
         whole, rest = divmod(size, 1)
-        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
         if whole:
-            return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac)
-        return m.row(*sign, frac)
+            yield from (m.Num(str(whole)), m.Sym(sign))
+        yield m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
+        return
     digits = f"{float(size):.6g}"
     if isinstance(size, int) or float(size) == round(float(size), 10):
         digits = f"{float(size):.12g}"
     mantissa, mark, exponent = digits.partition("e")
     if not mark:
-        return m.row(*sign, m.Num(digits))
+        yield m.Num(digits)
+        return
     power = m.Num(str(int(exponent)).replace("-", "−"))
-    tree = m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=power)))
-    return m.row(*sign, tree)
+    yield m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=power)))

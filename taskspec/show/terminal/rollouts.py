@@ -23,7 +23,7 @@ from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
 from taskspec.language.task.parts import Component, RenderMode
 from taskspec.language.task.spaces import pack, unpack
 from taskspec.language.task.task import Task, recall
-from taskspec.show.record import domain_words, settings, space_words
+from taskspec.show.record import domain_words, settings, space_words, value_words
 from taskspec.show.terminal.scripts import ScriptedPolicy, ScriptEnd, is_script
 from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
 
@@ -56,7 +56,9 @@ def policy_for(name: str, env: Environment, seed: int) -> Act:
         return lambda observation: env.action_space.sample()
     task = env.task
     if is_script(name):
-        policy: TaskPolicy = ScriptedPolicy(Path(name), task, _action_words(task))
+        components = [f"{c.name}: {domain_words(c)}" for c in task.action]
+        words = f"{', '.join(components)} ({space_words(task.action_layout)})"
+        policy: TaskPolicy = ScriptedPolicy(Path(name), task, words)
     elif is_function(name) or is_name(name):
         policy = policy_of(task, name)
     else:
@@ -73,7 +75,10 @@ _RUNNING = np.ones(1, np.bool_)
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
         observations = map_parts(lambda part: np.asarray(part)[None], observation)
-        batch = EpisodeBatch(env.time, _states(env) if env.task.mask else {}, observations, draws, _RUNNING)
+        states = {}
+        if env.task.mask:
+            states = _states(env)
+        batch = EpisodeBatch(env.time, states, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 
     return act
@@ -114,11 +119,6 @@ def _states(env: Environment) -> dict[str, Array]:
 def _array(c: Component, flat: Flat) -> Array:
     """Return a flat value of a component as a batch of one, (*shape, 1)."""
     return np.array(flat, DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
-
-
-def _action_words(task: Task) -> str:
-    listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
-    return f"{listed} ({space_words(task.action_layout)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +201,11 @@ def action_words(env: Environment, action: Any) -> str:
     words = []
     components = env.task.action
     for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True):
+        word = _value_words(c, flat)
         has_labels = c.domain is not None and c.type.kind is not Kind.BOOL
-        if has_labels or len(components) == 1:
-            name = ""
-        else:
-            name = f"{c.name} = "
-        words.append(name + _value_words(c, flat))
+        if len(components) > 1 and not has_labels:
+            word = f"{c.name} = {word}"
+        words.append(word)
     return ", ".join(words)
 
 
@@ -216,7 +215,7 @@ def _value_words(c: Component, flat: Flat) -> str:
     elif c.domain is not None:
         items = [c.domain.labels[int(x)] for x in flat]
     else:
-        items = [f"{x:.4g}" if isinstance(x, float) else str(x) for x in flat]
+        items = list(map(value_words, flat))
     if len(items) > MOST_ELEMENTS:
         items = [*items[:3], "...", *items[-3:]]
     if c.type.is_scalar:
