@@ -153,9 +153,7 @@ def _score(score: Return) -> Inlines:
     half = _estimate(score.half)
     if 1e-9 < score.half < 1e15:  # to two digits of the interval
         digits = max(0, 1 - math.floor(math.log10(score.half)))
-        value = m.Num(f"{abs(score.value):.{digits}f}")
-        if score.value < 0:
-            value = m.Row((m.Sym("−"), value))
+        value = m.signed(score.value < 0, m.Num(f"{abs(score.value):.{digits}f}"))
         half = m.Num(f"{score.half:.{digits}f}")
     return (Formula(value), Text(" ± "), Formula(half), Text(f" (95 % CI, {score.episodes:,} episodes)"))
 
@@ -179,7 +177,7 @@ def _estimate(value: Value) -> m.Math:
 
 def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    size = abs(value)
+    size: Value = abs(value)
     if isinstance(size, float) and math.isfinite(size):
         size = small_fraction(size, 999, 1e-13 * max(1.0, size)) or size  # which it equals up to rounding
     if value < 0 and size:

@@ -24,6 +24,10 @@ BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small s
 FITS = 24.0  # letters of a formula that small screens have room for
 SPLIT_AFTER = 44.0  # letters of a formula that is decided case by case, and wider than small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
+_INFIX = re.compile(r"^(<math[^>]*><mrow><mo)>")
+"""Where a piece of a formula starts with a sign, which keeps the space around it."""
+_MARKS = {None: ("open", "?"), True: ("holds", "✓"), False: ("fails", "✗")}
+"""The class and the sign of marks."""
 
 
 @dataclass(frozen=True)
@@ -47,20 +51,18 @@ class HtmlWriter:
         return {
             "summary": self.prose(summary),
             "description": list(map(self.block, description)),
-            "sections": [self.section(s, settings) for s in sections],
+            "sections": [self.section(section, settings) for section in sections],
         }
 
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
-        lines = [self.line(line, settings) for line in section.lines]
-        lead, rest = section.laid_out(lines)
+        lead, rest = section.laid_out([self.line(line, settings) for line in section.lines])
+        table = section.table or p.CellTable((), ())
         rows = []
-        if section.table:
-            rows = [list(map(self.prose, row)) for row in section.table.rows]
-        if section.table:
-            header = section.table.header
-        else:
-            header = ()
-        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
+        for row in table.rows:
+            rows.append(list(map(self.prose, row)))
+        return {
+            "key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": table.header, "rows": rows,
+        }  # fmt: skip
 
     def line(self, line: SectionLine, settings: Sequence[str]) -> Markup:
         """Return a line with the values that it has at each setting of the parameters; `settings` are their titles."""
@@ -87,50 +89,39 @@ class HtmlWriter:
             case p.CodeSpan(text=text):
                 return Markup("<code>{}</code>").format(text)
             case p.Emph(inner=inner, strong=strong):
-                tag = "strong" if strong else "em"
+                tag = "em"
+                if strong:
+                    tag = "strong"
                 return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
             case p.Link(address=address, inner=inner):
                 return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
             case p.Cite():
                 return self.cite(piece)
             case p.Mark(holds=holds, text=text):
-                if holds is None:
-                    sign, kind = ("?", "open")
-                else:
-                    if holds:
-                        sign, kind = ("✓", "holds")
-                    else:
-                        sign, kind = ("✗", "fails")
-                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
-                    kind, sign, text
-                )
+                whole = '<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>'
+                return Markup(whole).format(*_MARKS[holds], text)
             case _:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> Markup:
         reference = self.references.get(cite.key)
-        if cite.where:
-            where = Markup(", {}").format(cite.where)
-        else:
-            where = Markup("")
         if reference is None:
-            return Markup("{}").format(cite.key) + where
+            return Markup(", ").join(filter(None, (cite.key, cite.where)))
         title = Markup("{}").format(reference.plain("title"))
         address = reference.plain("url")
         if address and p.is_safe(address):
             title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
-        venue = ""
-        if reference.venue:
-            venue = f", {reference.venue}"
         head = Markup("{} ({}). ").format(reference.authors, reference.plain("year"))
-        return head + title + Markup("{}").format(venue) + where
+        return head + Markup(", ").join(filter(None, (title, reference.venue, cite.where)))
 
     def block(self, block: p.Block) -> Markup:
         match block:
             case p.Paragraph(content=content):
                 return Markup("<p>{}</p>").format(self.prose(content))
             case p.Bullets(items=items, ordered=ordered):
-                tag = "ol" if ordered else "ul"
+                tag = "ul"
+                if ordered:
+                    tag = "ol"
                 inner = Markup("")
                 for item in items:
                     inner += Markup("<li>{}</li>").format(Markup("").join(map(self.block, item)))
@@ -152,7 +143,6 @@ def article(
 
 
 def _with_tooltip(piece: p.Formula) -> Markup:
-    """Return a formula, or the short number in its place with the exact one as its tooltip."""
     if piece.short is None:
         return formula(piece.math, piece.display)
     return Markup('<span class="exact" title="{}">{}</span>').format(plain(piece.math), formula(piece.short))
@@ -163,13 +153,9 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     if display:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
     match _flat(math):
-        case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
-            cells = Markup("")
-            for cell in chain.from_iterable(rows):
-                cells += Markup("<span>{}</span>").format(formula(cell))
-            before = formula(m.row(*left)) if left else ""
-            whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
-            return Markup(whole).format(plain(math), before, cells)
+        case [*left, m.Cases() as cases] if m.width(math) > SPLIT_AFTER:
+            whole = '<span class="split" role="math" aria-label="{}">{}</span>'
+            return Markup(whole).format(plain(math), _by_cases(left, cases))
     pieces = [math]
     if m.width(math) > BREAK_AFTER:
         pieces = _pieces(_flat(math))
@@ -180,19 +166,25 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         if m.width(math) > BREAK_AFTER:
             kind = "rigid"
         return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
-    infix = (
-        r"^(<math[^>]*><mrow><mo)>",
-        r'\1 form="infix">',
-    )  # a piece that starts with a sign keeps the space around it
     written = []
     for piece in pieces:
-        part = re.sub(*infix, mathml(piece))
+        part = _INFIX.sub(r'\1 form="infix">', mathml(piece))
         letters = _letters(piece)
-        written.append(f"<span{letters}>{part}</span>" if letters else part)
-    inner = " ".join(written)
-    return Markup(
-        f'<span class="formula long" role="math" aria-label="{escape(plain(math), quote=True)}">{inner}</span>'
-    )
+        if letters:
+            part = f"<span{letters}>{part}</span>"
+        written.append(part)
+    label = escape(plain(math), quote=True)
+    return Markup(f'<span class="formula long" role="math" aria-label="{label}">{" ".join(written)}</span>')
+
+
+def _by_cases(left: list[m.Math], cases: m.Cases) -> Markup:
+    before = Markup("")
+    if left:
+        before = formula(m.row(*left))
+    cells = Markup("")
+    for cell in chain.from_iterable(cases.rows):
+        cells += Markup("<span>{}</span>").format(formula(cell))
+    return before + Markup('<span class="rows">{}</span>').format(cells)
 
 
 def _letters(math: m.Math) -> str:
@@ -219,7 +211,7 @@ def _pieces(items: Iterable[m.Math]) -> list[m.Math]:
         out[-1].append(item)
         if item == m.Sym(",") or (isinstance(item, m.Gap) and item.width == "wide"):
             out.append([])
-    return [m.row(*items) for items in out if items]
+    return [m.row(*items) for items in filter(None, out)]
 
 
 def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:

@@ -42,14 +42,17 @@ def parameters(w: Writing) -> Iterator[Inlines]:
         content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
         if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
             content += [Text(" ("), CodeSpan(p.name), Text(")")]
-        content += [Text(", "), *inlines(p.doc)] if p.doc else []
+        if p.doc:
+            content += [Text(", "), *inlines(p.doc)]
         yield (*content, *_range(w, p.name))
 
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
     lines = []
     for case in given:
-        equal: list[Inlines] = [(formula(w.symbol(name), m.Sym("="), setting(x)),) for name, x in case.items()]
+        equal: list[Inlines] = []
+        for name, value in case.items():
+            equal.append((formula(w.symbol(name), m.Sym("="), setting(value)),))
         lines.append(separated(equal))
     return separated(lines, "; ")
 
@@ -58,10 +61,10 @@ def setting(value: Any) -> m.Math:
     if isinstance(value, bool):
         return m.upright(str(value).lower())
     if isinstance(value, int | float):
-        digits = m.Num(number(abs(value), 10) if isinstance(value, float) else str(abs(value)))
-        if value < 0:
-            return m.Row((m.Sym("−"), digits))
-        return digits
+        digits = str(abs(value))
+        if isinstance(value, float):
+            digits = number(abs(value), 10)
+        return m.signed(value < 0, m.Num(digits))
     return m.Words(str(value))
 
 
@@ -103,7 +106,9 @@ def actions(w: Writing) -> Iterator[Inlines]:
     (action,) = w.spec.action
     used = w.reads(expr)
     arguments = [w.symbol(name) for name in w.spec.state if name in used]
-    left = (actions, m.brackets(m.joined(arguments)), m.Sym("=")) if arguments else ()
+    left: tuple[m.Math, ...] = ()
+    if arguments:
+        left = (actions, m.brackets(m.joined(arguments)), m.Sym("="))
     legal = m.braces(m.such_that(m.Row((w.symbol(action), m.Sym("∈"), actions)), w.truth(expr)))
     yield (Text("legal actions: "), formula(*left, legal))
 
@@ -113,8 +118,10 @@ def _space(
 ) -> Iterator[Inlines]:
     """Yield the set of states or of actions, then its components; a single one without a description is named at once."""
     said = list(_components(w, declared, components))
-    name = () if said else (w.symbol(components[0].name), m.Sym("∈"))
-    whole: Inlines = (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)),)
+    equation = [m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)]
+    if not said:
+        equation[:0] = [w.symbol(components[0].name), m.Sym("∈")]
+    whole: Inlines = (formula(*equation),)
     if any(c.domain is not None for c in components):
         whole += (Text(", numbered from 0"),)
     yield whole
@@ -128,7 +135,7 @@ def _components(
         name = [w.symbol(c.name)]
         if len(components) > 1:
             name += [m.Sym("∈"), w.domain(c.name, declared[c.name])]
-        said = [part for part in (inlines(c.doc), _labels(w, c)) if part]
+        said = list(filter(None, (inlines(c.doc), _labels(w, c))))
         if said:
             yield (formula(*name), Text(": "), *separated(said, "; "))
         elif len(components) > 1:
@@ -144,8 +151,10 @@ def _labels(w: Writing, c: Component) -> Inlines:
         tree = mark
         if c.domain.values and not isinstance(mark, m.Num):
             tree = m.Row((mark, m.Sym("↦"), _value(w, c.domain.values[i])))
-        word = isinstance(mark, m.Words | m.Num)
-        items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
+        if isinstance(mark, m.Words | m.Num):
+            items.append((Formula(tree),))
+        else:
+            items.append((Formula(tree), Text(f" {label.replace('_', ' ')}")))
     if all(len(x) == 1 for x in items) and not c.domain.values:
         return ()
     return listing(items)
@@ -154,7 +163,9 @@ def _labels(w: Writing, c: Component) -> Inlines:
 def _value(w: Writing, value: Any) -> m.Math:
     if isinstance(value, tuple):
         return m.brackets(m.joined(_value(w, v) for v in value))
-    return w.declared(float(value) if not isinstance(value, bool | int | float) else value)
+    if not isinstance(value, bool | int | float):
+        value = float(value)
+    return w.declared(value)
 
 
 def observations(w: Writing) -> Iterator[Inlines]:
@@ -167,29 +178,36 @@ def observations(w: Writing) -> Iterator[Inlines]:
         return
     exprs: Mapping[str, s.Expr] = w.parsed("observation")
     yield (formula(w.whole(exprs)), *extra)
-    same: dict[str, list[Inlines]] = {"of the state": [], "time": [], "defined": []}
-    others = []
+    of_state: list[Inlines] = []
+    times: list[Inlines] = []
+    defined: list[Inlines] = []
+    others: list[Inlines] = []
     for name, expr in exprs.items():
         if not (isinstance(expr, s.Name) and expr.id == name and not expr.primed):
-            others.append((name, expr))
+            others.append((Formula(w.equation(w.symbol(name), expr)),))
         elif name in w.spec.state:
-            same["of the state"].append((formula(w.symbol(name)),))
+            of_state.append((formula(w.symbol(name)),))
+        elif name == "t":
+            times.append((formula(w.symbol(name)),))
         else:
-            same["time" if name == "t" else "defined"].append((formula(w.symbol(name)),))
-    verbs = {
-        "of the state": (" is that of the state", " are those of the state"), "time": (" is the time", ""),
-        "defined": (" is defined below", " are defined below"),
-    }  # fmt: skip
-    for kind, names in same.items():
-        if names:
-            yield (*listing(names), Text(verbs[kind][len(names) > 1]))
-    for name, expr in others:
-        yield (Formula(w.equation(w.symbol(name), expr)),)
+            defined.append((formula(w.symbol(name)),))
+    for names, one, several in (
+        (of_state, " is that of the state", " are those of the state"),
+        (times, " is the time", ""),
+        (defined, " is defined below", " are defined below"),
+    ):
+        if len(names) > 1:
+            yield (*listing(names), Text(several))
+        elif names:
+            yield (*names[0], Text(one))
+    yield from others
 
 
 def horizon(w: Writing) -> Iterator[Inlines]:
     value = w.spec.horizon
-    content: Inlines = (Text("none"),) if value in (None, "none") else (Formula(w.declared(value)),)
+    content: Inlines = (Text("none"),)
+    if value not in (None, "none"):
+        content = (Formula(w.declared(value)),)
     if w.spec.discount != 1:
         content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.spec.discount)))
     yield content
@@ -213,8 +231,10 @@ def definitions(w: Writing) -> Iterator[Inlines]:
         if isinstance(value, Mapping) and "grid" in value:
             continue
         written = expression(value)
-        once: Inlines = (Text(", drawn once per instance"),) if draws(written) else ()
-        yield (Formula(w.equation(w.symbol(name), written)), *once)
+        line: Inlines = (Formula(w.equation(w.symbol(name), written)),)
+        if draws(written):
+            line += (Text(", drawn once per instance"),)
+        yield line
     for written, expr in (w.parsed("definitions") or {}).items():
         name, arguments = signature(written)
         left = w.symbol(name)
@@ -237,9 +257,12 @@ def _when_drawn(w: Writing, noise: str) -> str:
 
 def _is_read(w: Writing, name: str, sections: Iterable[str]) -> bool:
     for section in map(w.parsed, sections):
-        exprs = section.values() if isinstance(section, Mapping) else (section,)
-        if any(name in w.reads(e) for e in exprs if e is not None):
-            return True
+        exprs = [section]
+        if isinstance(section, Mapping):
+            exprs = list(section.values())
+        for expr in exprs:
+            if expr is not None and name in w.reads(expr):
+                return True
     return False
 
 
@@ -288,12 +311,20 @@ def _of_step(w: Writing, left: m.Math, expr: s.Expr) -> Formula:
 
 def initial(w: Writing) -> Iterator[Inlines]:
     """Yield a line for each component; neighbours that are drawn alike share one."""
-    written = list((w.parsed("initial") or {}).items())
-    for _, group in groupby(written, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
-        pairs = list(group)
-        name, expr = pairs[0]
-        line: Inlines = (Formula(w.equation(m.joined(w.symbol(each) for each, _ in pairs), expr, name)),)
-        yield line if len(pairs) == 1 else (*line, Text(", independently"))
+
+    def how(item: tuple[str, s.Expr]) -> str:
+        name, expr = item
+        if is_draw(expr):
+            return text(expr)
+        return name
+
+    for _, group in groupby((w.parsed("initial") or {}).items(), key=how):
+        drawn = dict(group)
+        name, expr = next(iter(drawn.items()))
+        line: Inlines = (Formula(w.equation(m.joined(map(w.symbol, drawn)), expr, name)),)
+        if len(drawn) > 1:
+            line += (Text(", independently"),)
+        yield line
 
 
 def roles(w: Writing) -> Iterator[Inlines]:
@@ -302,18 +333,9 @@ def roles(w: Writing) -> Iterator[Inlines]:
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    for c in () if w.task.annotations.memory is None else w.task.annotations.memory.declared:
-        memory = w.parsed("memory")
-        symbol = w.symbol(c.name)
-        if c.doc:
-            doc = (Text(", "), *inlines(c.doc))
-        else:
-            doc = ()
-        yield (
-            Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])), *doc,
-            Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)), Text("; after a step "),
-            Formula(w.equation(w.symbol(c.name, primed=True), memory[f"{c.name}'"], c.name)),
-        )  # fmt: skip
+    if w.task.annotations.memory is not None:
+        for c in w.task.annotations.memory.declared:
+            yield _remembered(w, c)
     written = w.parsed("expert")
     match w.task.annotations.expert:
         case None:
@@ -331,3 +353,17 @@ def expert(w: Writing) -> Iterator[Inlines]:
                 actions = {next(iter(w.spec.action)): written}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)
+
+
+def _remembered(w: Writing, c: Component) -> Inlines:
+    memory = w.parsed("memory")
+    symbol = w.symbol(c.name)
+    later = w.symbol(c.name, primed=True)
+    said: Inlines = ()
+    if c.doc:
+        said = (Text(", "), *inlines(c.doc))
+    return (
+        Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])), *said,
+        Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)),
+        Text("; after a step "), Formula(w.equation(later, memory[f"{c.name}'"], c.name)),
+    )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
+from taskspec.base.named import all_names
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.dists import CATEGORICAL, DISTS
 from taskspec.language.expressions.operators.entry import Level
@@ -69,7 +70,7 @@ def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys,
 
 def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
     if all(len(keys) == 1 for keys in rows):
-        return _equal(w, by[0], [keys[0] for keys in rows if keys[0] is not None])
+        return _equal(w, by[0], [key for (key,) in rows if key is not None])
     conjunctions = []
     for keys in rows:
         equal = []
@@ -115,10 +116,12 @@ def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) 
             origin = target.number(row.key).tree
             every = ()
         parts: list[m.Math] = []
-        if not isinstance(row.body, tuple):
+        rows = row.body
+        if not isinstance(rows, tuple):
             forall = m.Row((m.Words(" for all "), action, m.Sym("∈"), m.Ident("A", "calligraphic")))
-            parts = [origin, m.Arrow(action), target.number(row.body).tree, forall]
-        for inner in row.body if isinstance(row.body, tuple) else ():
+            parts = [origin, m.Arrow(action), target.number(rows).tree, forall]
+            rows = ()
+        for inner in rows:
             assert not isinstance(inner.body, tuple)
             if parts:
                 parts += [m.Sym(","), m.Gap("wide")]
@@ -223,7 +226,9 @@ def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | No
     if end is None or rank(w, name) != 1:
         return None
     (index,) = indices(w, s.Vector((name, end, part.start or end), name.place))
-    first = m.Num("0") if part.start is None else w.number(part.start).tree
+    first: m.Math = m.Num("0")
+    if part.start is not None:
+        first = w.number(part.start).tree
     low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
     return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), name.place)))
 
@@ -318,15 +323,8 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
     first = _int(low)
     last = _int(high)
     if first is not None and last is not None and last - first < WRITTEN_OUT:
-        return m.braces(m.joined(_integer(i) for i in range(first, last + 1)))
+        return m.braces(m.joined(m.signed(i < 0, m.Num(str(abs(i)))) for i in range(first, last + 1)))
     return m.braces(m.joined((low, m.Sym("…"), high)))
-
-
-def _integer(value: int) -> m.Math:
-    number = m.Num(str(abs(value)))
-    if value < 0:
-        return m.Row((m.Sym("−"), number))
-    return number
 
 
 def _int(tree: m.Math) -> int | None:
@@ -389,10 +387,7 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
     """Write `x % n == 0` as a congruence."""
     match expr:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
-            if op == "==":
-                sign = m.Sym("≡")
-            else:
-                sign = m.Sym("≢")
+            sign = m.Sym({"==": "≡", "!=": "≢"}[op])
             left, right = operands("congruence", [w.number(x), w.number(n)])
             modulus = m.brackets(m.Row((m.upright("mod"), m.Gap(), right)))
             return m.Row((left, sign, m.Num("0"), m.Gap("thin"), m.Gap("thin"), modulus))
@@ -402,29 +397,42 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
 
 def distribution(w: Writer, call: s.Call) -> Piece:
     """Write a distribution by name; independent draws of one shape as a power."""
-    first = call.args[0] if len(call.args) == 1 and not call.keywords else None
+    first = None
+    if len(call.args) == 1 and not call.keywords:
+        first = call.args[0]
     if call.function == CATEGORICAL.name and isinstance(first, s.Weights):
         return applied("cases", cases(w, first))
     if call.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
         return Piece(m.Row((m.upright("Unif"), w.piece(first).tree)))
     dist = DISTS.get(call.function, CATEGORICAL)
-    given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
+    names = all_names(dist.arguments)
+    given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
     shape = given.pop("shape", None)
     if any(rank(w, given[name]) for name in dist.squared if name in given):
         return _distributions(w, call, given)
     pieces = []
     for a in dist.arguments:
-        pieces.append(w.number(given[a.name]) if a.name in given else Piece(m.Num(str(a.default))))
-    holes = dict(zip((a.name for a in dist.arguments), operands(dist.name, pieces), strict=True))
+        if a.name in given:
+            pieces.append(w.number(given[a.name]))
+        else:
+            pieces.append(Piece(m.Num(str(a.default))))
+    holes = dict(zip(names, operands(dist.name, pieces), strict=True))
     if call.function == "UniformInt":  # a few integers are written out
         tree: m.Math = m.Row((m.upright("Unif"), interval(holes["low"], holes["high"])))
     else:
         tree = fill(dist.latex, holes.items())
     if shape is None:
         return Piece(tree)
-    items = shape.items if isinstance(shape, s.Vector) else (shape,)
-    level = Level.ATOM if len(items) > 1 else Level.SCOPE
-    return applied("**", m.Script(tree, sup=m.joined((w.number(i).at(level) for i in items), "×")))
+    return applied("**", m.Script(tree, sup=_power(w, shape)))
+
+
+def _power(w: Writer, shape: s.Expr) -> m.Math:
+    if not isinstance(shape, s.Vector):
+        return w.number(shape).tree
+    level = Level.SCOPE
+    if len(shape.items) > 1:
+        level = Level.ATOM
+    return m.joined((w.number(item).at(level) for item in shape.items), "×")
 
 
 def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
@@ -434,6 +442,5 @@ def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piec
     entries = []
     for name, value in given.items():
         entries.append((name, element(inner, value, at)))
-    keywords = tuple(entries)
-    one = distribution(inner, replace(call, args=(), keywords=keywords))
+    one = distribution(inner, replace(call, args=(), keywords=tuple(entries)))
     return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))

@@ -153,6 +153,12 @@ def such_that(element: Math, condition: Math) -> Row:
     return Row((element, Sym(":"), Gap(), condition))
 
 
+def signed(is_negative: bool, number: Math) -> Math:
+    if is_negative:
+        return Row((Sym("−"), number))
+    return number
+
+
 def upright(text: str) -> Ident:
     return Ident(text, "upright")
 
@@ -208,13 +214,17 @@ def width(node: Math) -> float:  # noqa: C901
         case Ident(text=text) | Num(text=text) | Words(text=text):
             return 0.9 * len(text)
         case Sym(text=text):
-            return 0.6 if text in ",;()[]{}|‖'" else 2.0
-        case Gap(width=gap):
-            return 0.4 if gap == "thin" else 2.0
+            if text in ",;()[]{}|‖'":
+                return 0.6
+            return 2.0
+        case Gap(width="thin"):
+            return 0.4
+        case Gap():
+            return 2.0
         case Frac(top=top, bottom=bottom):
             return max(width(top), width(bottom)) * 0.8
         case Script(base=base, sub=sub, sup=sup, primes=primes):
-            small = max(width(sub) if sub else 0, width(sup) if sup else 0)
+            small = max((width(script) for script in (sub, sup) if script), default=0)
             return width(base) + 0.7 * small + 0.4 * primes
         case Cases(rows=rows):
             return 3 + max(width(a) for a, _ in rows) + max(width(b) for _, b in rows)
