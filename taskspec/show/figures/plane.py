@@ -194,7 +194,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     else:
         path = [dict(overlay.here)]
     places = np.array([[state[c.name] for state in path] for c in pair], np.float64).T
-    if not (np.isfinite(places).all() and np.isfinite(np.ptp(ends, axis=1)).all()):
+    if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
     plot = Axes(*ends)
     plane = _Plane(task, [c.name for c in pair], plot, path[0])

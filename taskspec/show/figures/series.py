@@ -96,7 +96,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
 
 
 def _is_finite(numbers: Sequence[_Number]) -> bool:
-    return bool(numbers) and all(math.isfinite(np.ptp(x.values)) for x in numbers)
+    return bool(numbers) and all(math.isfinite(max(x.values) - min(x.values)) for x in numbers)
 
 
 def _scale(number: _Number) -> tuple[float, float]:

@@ -193,10 +193,7 @@ class Writing:
 
     def whole(self, components: Iterable[str], primed: bool = False) -> m.Math:
         """Return the state or the action as one thing: its component, or the tuple of its components."""
-        names = [self.symbol(name, primed) for name in components]
-        if len(names) == 1:
-            return names[0]
-        return m.brackets(m.joined(names))
+        return m.tupled([self.symbol(name, primed) for name in components])
 
     def reads(self, expr: s.Expr) -> set[str]:
         """Return names that an expression depends on, through definitions and noise, as written (with primes)."""

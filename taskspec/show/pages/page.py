@@ -47,7 +47,7 @@ class Page:
     settings: tuple[Setting, ...] = ()
 
     def section(self, key: str) -> Section | None:
-        return next((s for s in self.sections if s.key == key), None)
+        return next((section for section in self.sections if section.key == key), None)
 
     def _repr_html_(self) -> str:
         hypertext = need("taskspec.show.pages.hypertext", "docs", "a page in a notebook")
@@ -121,13 +121,19 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
     shown = [task.values]
     for column in columns:
         values = {names[name]: value for name, value in column.items() if name in names}
-        at = task
-        if values:
-            at = load(task, **values)
+        if not values:
+            continue
+        at = load(task, **values)
         if at.values not in shown:
             shown.append(at.values)
-            title = ", ".join(f"{name} = {at.values[name]}" for name in values)
-            yield Setting(title, at, gather(at) if known else Facts())
+            facts = Facts()
+            if known:
+                facts = gather(at)
+            yield Setting(_title(at, values), at, facts)
+
+
+def _title(task: Task, names: Iterable[str]) -> str:
+    return ", ".join(f"{name} = {task.values[name]}" for name in names)
 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
@@ -136,13 +142,13 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
         own_values = _concrete(task, facts)
         for each in settings:
             concrete = _concrete(each.task, each.facts)
-            shown = [_beside(s, own_values.get(s.key), concrete.get(s.key)) for s in shown]
+            for i, section in enumerate(shown):
+                shown[i] = _beside(section, own_values.get(section.key), concrete.get(section.key))
     return tuple(shown)
 
 
 def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Setting]:
-    title = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
-    return [Setting(title, task, facts), *settings]
+    return [Setting(_title(task, task.values), task, facts), *settings]
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
@@ -157,9 +163,8 @@ def _beside(section: Section, own: Section | None, concrete: Section | None) -> 
         return section
     lines = []
     for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
-        if other.content != usual.content:
-            content = other.content
-        else:
+        content = other.content
+        if content == usual.content:
             content = ()
         lines.append(replace(line, values=(*line.values, content)))
     return replace(section, lines=tuple(lines))
@@ -239,15 +244,16 @@ def families(pages: Iterable[Page]) -> list[Family]:
         head, *others = group
         siblings = []
         for i, page in enumerate(others):
-            choices = [(base, _differing(base, page)) for base in (head, *others[:i])]
-            base, differing = min(choices, key=lambda choice: _lines(choice[1]))
-            siblings.append(Sibling(replace(page, sections=differing), base))
+            choices = []
+            for base in (head, *others[:i]):
+                choices.append(Sibling(replace(page, sections=_differing(base, page)), base))
+            siblings.append(min(choices, key=_lines))
         listed.append(Family(head, tuple(siblings)))
     return listed
 
 
-def _lines(sections: Iterable[Section]) -> int:
-    return sum(len(section.lines) for section in sections if section.key != "scores")
+def _lines(sibling: Sibling) -> int:
+    return sum(len(section.lines) for section in sibling.page.sections if section.key != "scores")
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
@@ -257,15 +263,17 @@ def _differing(base: Page, page: Page) -> tuple[Section, ...]:
         known = base.section(section.key)
         if known == section:
             continue
-        if same and section.key == "parameters":
-            kept = tuple(line for line in section.lines if known is None or line not in known.lines)
-            section = replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+        if same and known is not None and section.key == "parameters":
+            lines = tuple(line for line in section.lines if line not in known.lines)
+            section = replace(section, lines=lines, lead=section.lead or len(lines) == 1)
         if section.key == "scores" and section.table and known is not None and known.table:
             rows = tuple(row for row in section.table.rows if row not in known.table.rows)
             section = replace(section, table=replace(section.table, rows=rows))
         differing.append(section)
     for section in base.sections:
         if page.section(section.key) is None:
-            line = SectionLine((Text("the state" if section.key == "observations" else "none"),))
-            differing.append(replace(section, lines=(line,), lead=True, table=None))
+            word = "none"
+            if section.key == "observations":
+                word = "the state"
+            differing.append(replace(section, lines=(SectionLine((Text(word),)),), lead=True, table=None))
     return tuple(differing)

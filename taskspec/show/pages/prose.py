@@ -134,7 +134,9 @@ def _blocks(tokens: Iterator[Token], close: str | None) -> Iterator[Block]:
             case "paragraph_open" | "heading_open":
                 content = _merge(_inlines(iter(next(tokens).children or ()), None))
                 next(tokens)
-                yield Paragraph(content if token.type == "paragraph_open" else (Emph(content, strong=True),))
+                if token.type == "heading_open":
+                    content = (Emph(content, strong=True),)
+                yield Paragraph(content)
             case "bullet_list_open" | "ordered_list_open":
                 close_list = token.type.replace("open", "close")
                 items = []
@@ -198,10 +200,13 @@ def _merge(pieces: Iterator[Inline]) -> Inlines:
 
 
 def separated(items: Sequence[Inlines], mark: str = ", ", last: str | None = None) -> Inlines:
+    marks = [mark] * (len(items) - 1)
+    if last is not None:
+        marks[-1:] = [last]
     out: list[Inline] = []
     for i, item in enumerate(items):
         if i:
-            out.append(Text(mark if last is None or i < len(items) - 1 else last))
+            out.append(Text(marks[i - 1]))
         out += item
     return tuple(out)
 

@@ -14,7 +14,7 @@ from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.types import Role
 from taskspec.language.modifiers import sentences
 from taskspec.language.task.build import build_abstract
-from taskspec.language.task.parts import Claim, Example, Followed, are_finite, counts_of
+from taskspec.language.task.parts import Claim, Component, Example, Followed, are_finite, counts_of
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
 from taskspec.show.pages import facts as scores
@@ -35,8 +35,10 @@ _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 def claim_text(w: Writing, claim: Claim) -> p.Inlines:
     """Return a claim with what it was written beside: the decision model, the tolerance, where the source states it."""
     options = claim.options
-    under = options.get("under")
-    content = sentence(w, claim.expr, None if under is None else expression(str(under)))
+    under = None
+    if options.get("under") is not None:
+        under = expression(str(options["under"]))
+    content = sentence(w, claim.expr, under)
     if options.get("tolerance") is not None:
         content += (p.Text(", to within "), p.Formula(w.declared(options["tolerance"])))
     if options.get("where"):
@@ -46,19 +48,21 @@ def claim_text(w: Writing, claim: Claim) -> p.Inlines:
 
 def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Inlines:
     """Return a claim in words where it is about behaviour or reachability, as mathematics otherwise."""
-    denied = isinstance(expr, s.Unary) and expr.op == "not"
-    match expr.operand if isinstance(expr, s.Unary) and denied else expr:
+    match expr:
+        case s.Unary(op="not", operand=s.Call(function="reachable", args=(what, *_))):
+            return (_truth(w, what), p.Text(" cannot be reached"))
         case s.Call(function="reachable", args=(what, *_)):
-            return (_truth(w, what), p.Text(" cannot be reached" if denied else " can be reached"))
+            return (_truth(w, what), p.Text(" can be reached"))
+        case s.Unary(op="not", operand=s.Call(function="influences", args=(cause, effect))):
+            return (_truth(w, cause), p.Text(" has no effect on "), _truth(w, effect))
         case s.Call(function="influences", args=(cause, effect)):
-            verb = " has an effect on "
-            if denied:
-                verb = " has no effect on "
-            return (_truth(w, cause), p.Text(verb), _truth(w, effect))
-        case operand if denied:
+            return (_truth(w, cause), p.Text(" has an effect on "), _truth(w, effect))
+        case s.Unary(op="not", operand=operand):
             return (p.Text("it is not so that "), *sentence(w, operand, under))
         case s.Call(function="prefers") as call:
-            names = ("model", "condition", "at") if under is None else ("condition", "at")
+            names = ["model", "condition", "at"]
+            if under is not None:
+                del names[0]
             given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
             content = (*_model(w, under or given["model"]), p.Text(" prefers "), _truth(w, given["condition"]))
             if "at" in given:
@@ -102,8 +106,10 @@ def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> p.CellTable | N
     columns[""] = [p.inlines(entry.doc) for entry in entries]
     kept = [(title, cells) for title, cells in columns.items() if any(cells)]
     if wrong:
-        mark: p.Inlines = (p.Mark(False, "does not hold"),)
-        kept.append(("", [mark if i in wrong else () for i in range(len(entries))]))
+        marks: list[p.Inlines] = [()] * len(entries)
+        for i in wrong:
+            marks[i] = (p.Mark(False, "does not hold"),)
+        kept.append(("", marks))
     if not kept:
         return None
     titles, cells = zip(*kept, strict=True)
@@ -131,7 +137,9 @@ def _what_follows(w: Writing, example: Example) -> p.Inlines:
             ends[f.section] = f.expr
         else:
             others.append(f)
-    parts = [_of_section(w, section, list(same)) for section, same in groupby(others, lambda f: f.section)]
+    parts = []
+    for section, same in groupby(others, lambda f: f.section):
+        parts.append(_of_section(w, section, list(same)))
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
         parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
     elif ends:
@@ -153,8 +161,9 @@ def _of_section(w: Writing, section: str, followed: list[Followed]) -> p.Inlines
         else:
             items.append(w.equation(w.symbol(f.name, section == "next"), f.expr, f.name))
     words = {"initial": "first", "reward": "reward", "observation": "observed", "expert": "expert"}
-    before: list[p.Inline] = [p.Text(f"{words[section]} ")] if section in words else []
-    return (*before, *_formulas(items))
+    if section in words:
+        return (p.Text(f"{words[section]} "), *_formulas(items))
+    return _formulas(items)
 
 
 def _formulas(items: list[m.Math]) -> p.Inlines:
@@ -189,7 +198,9 @@ def abstraction(w: Writing) -> Iterator[p.Inlines]:
     for c in stand_in.state:
         equation = w.equation(own.symbol(c.name), exprs[c.name])
         content: p.Inlines = (formula(equation, m.Sym("∈"), own.domain(c.name, written.state[c.name])),)
-        yield (*content, p.Text(": "), *p.inlines(c.doc)) if c.doc else content
+        if c.doc:
+            content += (p.Text(": "), *p.inlines(c.doc))
+        yield content
     for section, title, make in _OWN:
         if getattr(written, section) is not None:
             for line in make(own):
@@ -209,36 +220,39 @@ def symmetries(w: Writing) -> Iterator[p.Inlines]:
     exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
     for symmetry in w.task.annotations.symmetries:
         content: list[p.Inline] = [p.CodeSpan(symmetry.name), p.Text(": ")]
-        content += [*p.inlines(symmetry.doc), p.Text("; ")] if symmetry.doc else []
+        if symmetry.doc:
+            content += [*p.inlines(symmetry.doc), p.Text("; ")]
         for key, maps in exprs[symmetry.name].items():
             shown = [(each,) for each in _maps(w, key, maps)]
             content += [p.Text(_MAPS[key]), *p.listing(shown), p.Text("; ")]
         check = verify_symmetry(w.task, symmetry)
-        mark = p.Mark(False, "false")
-        if check.problem is None:
-            mark = p.Mark(True, "proved" if check.is_proved else f"tested at {check.points:,} points")
+        mark = p.Mark(True, f"tested at {check.points:,} points")
+        if check.problem is not None:
+            mark = p.Mark(False, "false")
+        elif check.is_proved:
+            mark = p.Mark(True, "proved")
         yield (*content, p.Text("returns are kept "), mark)
 
 
 def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formula]:
     """Yield what each component is mapped to; all of them together, where one is made of others."""
     task = w.task
+    components = task.action
     if key == "observation":
         components = task.observation.components
-    else:
-        components = task.action
     names = [c.name for c in components]
-    read = {}
+    joined = set(maps)
+    is_apart = True
     for name, expr in maps.items():
-        read[name] = {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
-    joined = set(maps).union(*read.values())
-    if all(own <= {name} for name, own in read.items()):
+        read = {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
+        joined |= read
+        is_apart = is_apart and read <= {name}
+    if is_apart:
         for name, expr in maps.items():
             yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
     else:
-        whole = w.whole(name for name in names if name in joined)
-        images = list(map(w.math, maps.values()))
-        yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
+        whole = w.whole(filter(joined.__contains__, names))
+        yield formula(whole, m.Sym("↦"), m.tupled(list(map(w.math, maps.values()))))
 
 
 def modifiers(task: Task) -> Iterator[p.Inlines]:
@@ -247,11 +261,16 @@ def modifiers(task: Task) -> Iterator[p.Inlines]:
         yield (p.CodeSpan(str(each)), p.Text(": "), *p.inlines(said))
     if not task.modifiers:
         return
-    line: list[p.Inline] = [p.Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
-    line += p.listing([(p.CodeSpan(c.name),) for c in task.state])
+    with_them = "with it, the state is "
+    if len(task.modifiers) > 1:
+        with_them = "with them, the state is "
+    line: list[p.Inline] = [p.Text(with_them), *_names(task.state)]
     if are_finite(task.state):
         count = math.prod(counts_of(task.state))
-        line += [p.Text(" ("), p.Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), p.Text(" values)")]
+        digits = f"{count:,}"
+        if count >= 10**9:
+            digits = f"{count:.2e}"
+        line += [p.Text(" ("), p.Formula(m.Num(digits)), p.Text(" values)")]
     rest = "; the rest of this page, its scores apart, is the task as written"
     if task.annotations.expert is None is not task.unmodified.annotations.expert:
         rest += ", whose expert is not one here"
@@ -263,11 +282,15 @@ def as_written(task: Task) -> Task:
     return task.unmodified.with_annotations(claims=task.annotations.claims, examples=task.annotations.examples)
 
 
+def _names(components: Iterable[Component]) -> p.Inlines:
+    return p.listing([(p.CodeSpan(c.name),) for c in components])
+
+
 def _observation(layout: SpaceLayout) -> p.Inlines:
     if layout.form == "discrete":
         return (p.Text("one of "), p.Formula(m.Num(f"{layout.counts[0]:,}")), p.Text(" numbers"))
     if layout.form == "dict":
-        return (p.Text("a dictionary of "), *p.listing([(p.CodeSpan(c.name),) for c in layout.components]))
+        return (p.Text("a dictionary of "), *_names(layout.components))
     kind = {"box": "reals", "multi_discrete": "integers"}.get(layout.form, "zeros and ones")
     return (p.Text("a vector of "), p.Formula(m.Num(f"{layout.size:,}")), p.Text(f" {kind}"))
 
@@ -358,8 +381,10 @@ def results(columns: Sequence[Setting]) -> list[Section]:
     w = Writing(as_written(columns[0].task), {})
     stated = []
     for claim in w.task.annotations.claims:
-        cases: p.Inlines = (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")")) if claim.cases else ()
-        stated.append((*claim_text(w, claim), *cases))
+        content = claim_text(w, claim)
+        if claim.cases:
+            content += (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")"))
+        stated.append(content)
     if not any(each.facts.scores or each.facts.verdicts for each in columns):
         return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
     table = scores.table(columns)
@@ -378,13 +403,13 @@ def results(columns: Sequence[Setting]) -> list[Section]:
 
 def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
     """Return what became of each claim; one that does not hold at other values than the page's own is not about them."""
-    marks: list[p.Inlines] = []
-    for verdict in facts.verdicts:
+    marks: list[p.Inlines] = [()] * count
+    for i, verdict in enumerate(facts.verdicts):
         if verdict.holds is False and not is_own:
-            marks.append((NOT_HERE,))
-        else:
-            marks.append((verdict,) if verdict.text else ())
-    return [*marks, *[()] * (count - len(marks))]
+            marks[i] = (NOT_HERE,)
+        elif verdict.text:
+            marks[i] = (verdict,)
+    return marks
 
 
 def _errata(w: Writing) -> Iterator[p.Inlines]:

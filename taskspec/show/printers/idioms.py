@@ -377,10 +377,7 @@ def _is_set(domain: s.Expr) -> bool:
 
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
-    names = list(map(w.notation.symbol, clause.targets))
-    if len(names) == 1:
-        return names[0]
-    return m.brackets(m.joined(names))
+    return m.tupled(list(map(w.notation.symbol, clause.targets)))
 
 
 def divisible(w: Writer, expr: s.Compare) -> m.Math | None:

@@ -5,7 +5,7 @@ A closed set of nodes. Characters are Unicode throughout; what TeX calls them is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -142,6 +142,13 @@ def joined(items: Iterable[Math], mark: str = ",") -> Math:
 
 def brackets(body: Math) -> Fence:
     return Fence("(", body, ")")
+
+
+def tupled(items: Sequence[Math]) -> Math:
+    """Write several items as a tuple; one stands alone."""
+    if len(items) == 1:
+        return items[0]
+    return brackets(joined(items))
 
 
 def braces(body: Math) -> Fence:
