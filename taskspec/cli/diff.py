@@ -64,9 +64,7 @@ def diff(
 
 def _print(relation: TaskRelation, first: str, second: str) -> None:
     out = console()
-    style = "warn"
-    if relation.relation in ("identical", "same task"):
-        style = "good"
+    style = "good" if relation.relation in ("identical", "same task") else "warn"
     out.print(line((relation.relation, style), f": {relation.words}"))
     part = relation.difference
     if part is not None:

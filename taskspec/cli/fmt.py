@@ -61,9 +61,7 @@ def fmt(
         else:
             write_text(path, new)
     print_diagnostics(problems)
-    done = "changed"
-    if check or diff:
-        done = "would change"
+    done = "would change" if check or diff else "changed"
     console(err=True).print(f"{plural(changed, 'file')} {done}, {len(paths) - changed} left as they are")
     if problems or (check and changed):
         raise typer.Exit(1)

@@ -62,9 +62,7 @@ class Commands(TyperGroup):
         for name in self.list_commands(ctx):
             command: Any = self.get_command(ctx, name)
             panel = command.rich_help_panel
-            title = "Commands"
-            if isinstance(panel, str):
-                title = panel
+            title = panel if isinstance(panel, str) else "Commands"
             panels.setdefault(title, []).append((name, command.get_short_help_str(400)))
         panels["Options"] = [_record(param, ctx) for param in self.get_params(ctx)]
         _print_help(self, ctx, panels)
@@ -81,9 +79,7 @@ def usage_reported() -> Iterator[None]:
             raise
         message = error.format_message().rstrip(".")
         text, _, hint = message.partition(" Did you mean")
-        path = "taskspec"
-        if error.ctx is not None:
-            path = error.ctx.command_path
+        path = error.ctx.command_path if error.ctx is not None else "taskspec"
         if hint:
             near = f"did you mean{hint}"
         else:

@@ -36,9 +36,7 @@ def play(
     def report(before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
         rewards.append(float(reward) * built.discount ** len(rewards))
         if ended or cut:
-            how = "truncated"
-            if ended:
-                how = "terminated"
+            how = "terminated" if ended else "truncated"
             say(f"return {sum(rewards):g} in {len(rewards)} steps, {how}")
             rewards.clear()
 

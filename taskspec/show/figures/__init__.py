@@ -90,9 +90,7 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
             drawn = _drawn(task, over.only(part))
             if part in over.legend and drawn is not None and not drawn.shows(bare):
                 scale, what = over.legend[part]
-                name = part
-                if names == ("expert",):
-                    name = "expert"
+                name = "expert" if names == ("expert",) else part
                 scenes[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
     return scenes
 

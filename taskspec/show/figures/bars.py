@@ -206,17 +206,13 @@ def _board(task: Task, node: Expression, values: Array, is_frame: bool) -> sc.Sc
         notes = (f"A state after {len(path) - 1} steps of {whose}.",)
     height, width = node.type.shape
     most = float(np.abs(values).max()) or 1.0
-    digits = 2
-    if np.array_equal(values, np.rint(values)):
-        digits = 0
+    digits = 0 if np.array_equal(values, np.rint(values)) else 2
     items: list[sc.Item] = []
     for (row, column), value in np.ndenumerate(values):
         cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
         items.append(cell)
         if value:
-            color: sc.Color = "accent"
-            if value < 0:
-                color = "second"
+            color: sc.Color = "second" if value < 0 else "accent"
             items.append(replace(cell, fill=color, shade=0.3 + 0.6 * abs(value) / most))
         if value and node.type.kind is not Kind.BOOL:
             middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
@@ -247,9 +243,7 @@ def _cells(all_rows: list[_Row]) -> Iterator[sc.Item]:
         tops[-1] += 0.6
     low = float(np.min(rows))
     high = float(np.max(rows))
-    digits = 2
-    if np.array_equal(rows, np.rint(rows)):
-        digits = 0
+    digits = 0 if np.array_equal(rows, np.rint(rows)) else 2
     for r, row in enumerate(rows):
         top = float(tops[r])
         if len(rows) > 1 and not moved:

@@ -154,9 +154,7 @@ class Board:
         yield from self._contents(at)
 
     def _cell(self, x: int, y: int, cell: Cell) -> Iterator[Item]:
-        plain: Color = "paper"
-        if self.letters.get(cell) == WALL:
-            plain = "muted"
+        plain: Color = "muted" if self.letters.get(cell) == WALL else "paper"
         box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
         yield box
         if cell in self.shades:

@@ -43,9 +43,7 @@ def film(task: Task) -> str | None:
     None where nobody knows how to act, and for figures that are large or whose frames differ in size.
     """
     task = task.unmodified
-    who = "expert"
-    if task.annotations.expert is None:
-        who = "optimal"
+    who = "optimal" if task.annotations.expert is None else "expert"
     try:
         steps = list(_episode(task, who))
     except SpecError:
@@ -68,9 +66,7 @@ def film(task: Task) -> str | None:
             frames.append(replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label)))
     if len(frames) < 2 or np.ptp([frame.height for frame in frames]) > SAME:
         return None
-    whose = "the expert"
-    if who == "optimal":
-        whose = "an optimal policy"
+    whose = "an optimal policy" if who == "optimal" else "the expert"
     width = max(frame.width for frame in frames)
     alt = f"An episode of {whose} in {task.name}, {len(frames)} frames"
     return animated(replace(frames[0], width=width, alt=alt), [frame.items for frame in frames])
@@ -121,9 +117,7 @@ def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
         states = ""
         before = None
         for i in range(count):
-            shown = "hidden"
-            if min(i, len(frames) - 1) in where:
-                shown = "visible"
+            shown = "visible" if min(i, len(frames) - 1) in where else "hidden"
             if shown != before:
                 states += f"{100 * i / count:.4g}%{{visibility:{shown}}}"
             before = shown

@@ -293,9 +293,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
         items += _vertex(v, spot, plan, machine, overlay)
     notes = (*machine.notes(plan.shows_loops), *machine.unmarked(plan.drawing.states))
     size = f"{plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
-    focus = None
-    if present is not None:
-        focus = plan.spots[present].at
+    focus = plan.spots[present].at if present is not None else None
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
 

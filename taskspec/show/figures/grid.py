@@ -149,9 +149,7 @@ class _Grid:
             cell = ROOMY
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         notes = (*self.key(), *unplaced, *board.notes())
-        how = DRAWN_TOGETHER
-        if distinct == len(by_code):
-            how = DRAWN
+        how = DRAWN if distinct == len(by_code) else DRAWN_TOGETHER
         return fitted(board.items(), self._alt(columns, rows), notes, drawn=how)
 
     def _own(self) -> Cell:

@@ -98,9 +98,7 @@ def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[t
     left = ""
     if task.horizon is not None:
         left = f" with all {task.horizon:,} steps to go"
-    whose = "the expert's"
-    if task.annotations.expert is None:
-        whose = "an optimal policy's"
+    whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
     lacks = ""
     if wanted & {"expert", "occupancy"} and not acts:
         lacks = ", for which there is no exact plan"

@@ -130,9 +130,7 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     across = component(place)
     if across is None:
         return None
-    steps = 100
-    if task.horizon is None:
-        steps = 20
+    steps = 20 if task.horizon is None else 100
     along = expert_path(task, steps, SEED)
     path = [_place(task, figure.at, state) for state in along]
     first = along[0]
@@ -197,10 +195,11 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
     plot = Axes(*ends)
-    plane = _Plane(task, [c.name for c in pair], plot, path[0])
+    plane = _Plane(task, all_names(pair), plot, path[0])
     dots = list(starmap(plot.at, np.clip(places, *np.transpose(ends)).tolist()))
     names = of_task(task)
-    items: list[Item] = [*plane.shades(), *plot.arrows([names.symbol(c.name) for c in pair]), *plane.flow()]
+    symbols = list(map(names.symbol, plane.pair))
+    items: list[Item] = [*plane.shades(), *plot.arrows(symbols), *plane.flow()]
     for run in runs(places.tolist(), [period(task, node) for node in at]):
         items.append(Line(tuple(dots[run]), color="accent", width=0.05))
     items.append(Circle(dots[0], 0.09, "ink", None))

@@ -103,9 +103,7 @@ def loops(v: Spot) -> list[Line]:
     """Return loops above, below, right and left of a vertex; in the last column, the one on the right first."""
     x, y = v.at
     d = 0.2
-    inset = 1.0
-    if v.is_round:
-        inset = 0.85
+    inset = 0.85 if v.is_round else 1.0
     curves = []
     for sign in (1.0, -1.0):
         far = x + sign * (v.half + LOOP_OUT)
@@ -294,9 +292,7 @@ def along(line: Line, text: m.Math) -> list[Label]:
     """Return places of an arrow's label: above its middle, then on either side of it and further along."""
     (x0, y0), *_, (x1, y1) = line.points
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
-    side = -1.0
-    if line.curved or x1 >= x0:
-        side = 1.0
+    side = 1.0 if line.curved or x1 >= x0 else -1.0
     x, y = line.at(0.5)
     points = [(x + side * (y1 - y0) / length * 0.18, y - side * (x1 - x0) / length * 0.18)]
     w = text_width(text, ARROW) / 2

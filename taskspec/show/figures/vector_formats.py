@@ -166,9 +166,7 @@ def _tikz_item(item: sc.Item) -> str:
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" * item.halo
-            size = r"\small"
-            if item.size < 0.34:
-                size = r"\footnotesize"
+            size = r"\footnotesize" if item.size < 0.34 else r"\small"
             options = f"anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}"
             return rf"\node[{options}] at {_tikz_point(at)} {{${latex(text)}$}};"
         case _:
@@ -189,9 +187,7 @@ def _tikz_paint(item: sc.Circle | sc.Box) -> str:
 
 def _tikz_line(line: sc.Line) -> str:
     points = sc.shaft(line)
-    dash = ""
-    if line.is_dashed:
-        dash = ", dashed"
+    dash = ", dashed" if line.is_dashed else ""
     thick = f", line width={_cm(line.width * 23)}pt"
     if line.curved:
         a, b, c, d = points

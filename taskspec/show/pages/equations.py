@@ -135,9 +135,7 @@ class Writing:
         shape = getattr(entry, "shape", None)
         if shape in (None, [], 1, [1]):
             return inner
-        lengths = [shape]
-        if isinstance(shape, list):
-            lengths = shape
+        lengths = shape if isinstance(shape, list) else [shape]
         return m.Script(inner, sup=m.joined(map(self.declared, lengths), "×"))
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:

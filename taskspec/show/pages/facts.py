@@ -73,7 +73,7 @@ def _facts(results: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> 
         else:
             shown[f"{name} return"] = value
     unknown = [f"{name} return" for name in ("optimal", "worst") if returns[name] is None]
-    return Facts(shown, tuple(by_claim(results.task, said)), wrong, unknown, results.model)
+    return Facts(shown, tuple(by_claim(results.task, said)), wrong, tuple(unknown), results.model)
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
@@ -177,9 +177,11 @@ def _estimate(value: Value) -> m.Math:
 
 def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    size: Value = abs(value)
+    size = -value if value < 0 else value
     if isinstance(size, float) and math.isfinite(size):
-        size = small_fraction(size, 999, 1e-13 * max(1.0, size)) or size  # which it equals up to rounding
+        small = small_fraction(size, 999, 1e-13 * max(1.0, size))  # which it equals up to rounding
+        if small is not None:
+            size = small
     if value < 0 and size:
         return m.row(m.Sym("−"), *_digits(size, "−"))
     return m.row(*_digits(size, "+"))

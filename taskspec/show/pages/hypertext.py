@@ -89,9 +89,7 @@ class HtmlWriter:
             case p.CodeSpan(text=text):
                 return Markup("<code>{}</code>").format(text)
             case p.Emph(inner=inner, strong=strong):
-                tag = "em"
-                if strong:
-                    tag = "strong"
+                tag = "strong" if strong else "em"
                 return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
             case p.Link(address=address, inner=inner):
                 return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
@@ -119,9 +117,7 @@ class HtmlWriter:
             case p.Paragraph(content=content):
                 return Markup("<p>{}</p>").format(self.prose(content))
             case p.Bullets(items=items, ordered=ordered):
-                tag = "ul"
-                if ordered:
-                    tag = "ol"
+                tag = "ol" if ordered else "ul"
                 inner = Markup("")
                 for item in items:
                     inner += Markup("<li>{}</li>").format(Markup("").join(map(self.block, item)))
@@ -162,9 +158,7 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
-        kind = "formula"
-        if m.width(math) > BREAK_AFTER:
-            kind = "rigid"
+        kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
     written = []
     for piece in pieces:

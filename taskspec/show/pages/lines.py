@@ -118,7 +118,7 @@ def _space(
 ) -> Iterator[Inlines]:
     """Yield the set of states or of actions, then its components; a single one without a description is named at once."""
     said = list(_components(w, declared, components))
-    equation = [m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)]
+    equation: list[m.Math] = [m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)]
     if not said:
         equation[:0] = [w.symbol(components[0].name), m.Sym("∈")]
     whole: Inlines = (formula(*equation),)
@@ -274,9 +274,7 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
         if component.name not in fixed and expr is not None:
             yield from _transition(w, component.name, expr)
     if fixed:
-        verb = " keep their values"
-        if len(fixed) == 1:
-            verb = " keeps its value"
+        verb = " keeps its value" if len(fixed) == 1 else " keep their values"
         yield (*listing([(formula(w.symbol(n)),) for n in fixed]), Text(verb))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from taskspec.base.display import visible
 from taskspec.base.extras import need
 from taskspec.base.files import safe_name
+from taskspec.base.named import all_names
 from taskspec.language import registry
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
@@ -198,6 +199,10 @@ class Family:
         return self.head, *(other.page for other in self.others)
 
     @property
+    def anchors(self) -> list[str]:
+        return [page.anchor for page in self.pages]
+
+    @property
     def title(self) -> str:
         """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
         titles = [page.title for page in self.pages]
@@ -257,7 +262,7 @@ def _lines(sibling: Sibling) -> int:
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
-    same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
+    same = all_names(page.task.parameters) == all_names(base.task.parameters)
     differing = []
     for section in page.sections:
         known = base.section(section.key)
@@ -272,8 +277,6 @@ def _differing(base: Page, page: Page) -> tuple[Section, ...]:
         differing.append(section)
     for section in base.sections:
         if page.section(section.key) is None:
-            word = "none"
-            if section.key == "observations":
-                word = "the state"
+            word = "the state" if section.key == "observations" else "none"
             differing.append(replace(section, lines=(SectionLine((Text(word),)),), lead=True, table=None))
     return tuple(differing)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TypeVar
 
+from taskspec.base.named import all_names
 from taskspec.exact.abstraction.abstraction import verify_symmetry
 from taskspec.exact.rules.claim_rules import MODELS, RESULTS
 from taskspec.language.expressions import syntax as s
@@ -240,7 +241,7 @@ def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formul
     components = task.action
     if key == "observation":
         components = task.observation.components
-    names = [c.name for c in components]
+    names = all_names(components)
     joined = set(maps)
     is_apart = True
     for name, expr in maps.items():
@@ -356,7 +357,9 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
     changed = modifiers(w.task)
     w = replace(w, task=as_written(w.task))
     maps = [SectionLine((p.Text(name),), verbatim=text) for name, text in lines.grids(w)]
-    sections = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
+    sections = []
+    for key, title, make, lead in _SECTIONS:
+        sections.append(Section(key, title, tuple(map(SectionLine, make(w))), lead))
     sections[1:1] = [
         Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
         Section("maps", "Maps", tuple(maps)),

@@ -59,7 +59,8 @@ class ExpressionWriter(Writer):
             case s.Binary():
                 return self._binary(expr)
             case s.Logical(op=op, operands=parts):
-                return applied(op, m.joined(operands(op, map(self.truth, parts)), "∧" if op == "and" else "∨"))
+                sign = {"and": "∧", "or": "∨"}[op]
+                return applied(op, m.joined(operands(op, map(self.truth, parts)), sign))
             case s.Compare():
                 return self._compare(expr)
             case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
@@ -79,7 +80,7 @@ class ExpressionWriter(Writer):
 
     def _unary(self, expr: s.Unary) -> Piece:
         if expr.op != "not":
-            return _signed("−" if expr.op == "-" else "+", self.number(expr.operand))
+            return _signed(expr.op.replace("-", "−"), self.number(expr.operand))
         match expr.operand:
             case s.Compare(rest=((op, side),)) as inner if op in _OPPOSITE:
                 return self._compare(replace(inner, rest=((_OPPOSITE[op], side),)))
@@ -99,11 +100,9 @@ class ExpressionWriter(Writer):
         left, right = operands(expr.op, sides)
         match expr.op:
             case "+" | "-":
-                # in one row, so that it can break at any of its signs
-                is_sum = isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
                 head: tuple[m.Math, ...] = (left,)
-                if is_sum and isinstance(left, m.Row):
-                    head = left.items
+                if isinstance(left, m.Row) and {m.Sym("+"), m.Sym("−")} & set(left.items[1:]):
+                    head = left.items  # in one row, so that it can break at any of its signs
                 total = m.Row((*head, m.Sym(expr.op.replace("-", "−")), right))
                 return applied(expr.op, total, _leads(sides[0], left))
             case "**":
@@ -133,13 +132,15 @@ class ExpressionWriter(Writer):
         if congruence is not None:
             return applied("congruence", congruence)
         sides = [expr.first, *(side for _, side in expr.rest)]
-        owner = next((x.id for x in sides if isinstance(x, s.Name) and x.id in self.notation.labels), self.of)
-        inner = replace(self, of=owner)
+        inner = self
+        for side in reversed(sides):
+            if isinstance(side, s.Name) and side.id in self.notation.labels:
+                inner = replace(self, of=side.id)
         first, *others = operands("compare", map(inner.number, sides))
         items: list[m.Math] = [first]
-        for (op, _), side in zip(expr.rest, others, strict=True):
+        for (op, _), other in zip(expr.rest, others, strict=True):
             relation = INFIX[op].latex.replace("{0}", "").replace("{1}", "")
-            items += [read(relation.strip()), side]
+            items += [read(relation.strip()), other]
         return applied("compare", m.Row(tuple(items)))
 
     def _call(self, expr: s.Call) -> Piece:
@@ -157,23 +158,24 @@ class ExpressionWriter(Writer):
             holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
             signed = expr.function == "dot" and _leads(pieces[0], trees[0])
             return applied(expr.function, fill(function.latex, holes), signed)
-        if expr.function in self.notation.events:  # a probability, or the expectation of a measure; the policy is below
-            first = "name"
-            if expr.function == "probability":
-                first = "condition"
-            given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
-            if "under" in given:
-                policy = text(given["under"])
-            else:
-                policy = self.notation.events[expr.function]
-            head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
-            if first == "condition":
-                inner = self.truth(given[first])
-            else:
-                inner = self.number(given[first])
-            return Piece(m.Row((head, m.brackets(inner.tree))))
+        if expr.function in self.notation.events:
+            return self._event(expr)
         arguments = m.brackets(m.joined(self.numbers(expr.args)))
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
+
+    def _event(self, expr: s.Call) -> Piece:
+        """Write a probability, or the expectation of a measure, with the policy below."""
+        first = "name"
+        write = self.number
+        if expr.function == "probability":
+            first = "condition"
+            write = self.truth
+        given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
+        policy = self.notation.events[expr.function]
+        if "under" in given:
+            policy = text(given["under"])
+        head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
+        return Piece(m.Row((head, m.brackets(write(given[first]).tree))))
 
     def _subscript(self, expr: s.Subscript) -> Piece:
         if isinstance(expr.value, s.Name) and expr.value.id in self.notation.singles:
@@ -181,8 +183,8 @@ class ExpressionWriter(Writer):
         (tree,) = operands("subscript", [self.number(expr.value)])
         below = m.joined(map(self._index, expr.indices))
         if isinstance(tree, m.Script):
-            slices = isinstance(expr.value, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.value.indices)
-            if tree.sup is not None or (tree.sub is not None and slices):
+            is_part = isinstance(expr.value, s.Subscript) and s.Slice in map(type, expr.value.indices)
+            if tree.sup is not None or (tree.sub is not None and is_part):
                 tree = m.brackets(tree)
         return Piece(indexed(tree, below))
 
@@ -204,13 +206,12 @@ class ExpressionWriter(Writer):
     def _vector(self, expr: s.Vector) -> Piece:
         if len(expr.items) == 1 and not isinstance(expr.items[0], s.Vector):
             return self.number(expr.items[0])
-        if expr.items and all(isinstance(i, s.Vector) for i in expr.items):
-            rows = []
-            for i in expr.items:
-                if isinstance(i, s.Vector):
-                    rows.append(tuple(self.numbers(i.items)))
-            if len(set(map(len, rows))) == 1:
-                return Piece(m.Matrix(tuple(rows)))
+        rows = []
+        for item in expr.items:
+            if isinstance(item, s.Vector):
+                rows.append(tuple(self.numbers(item.items)))
+        if len(rows) == len(expr.items) and len(set(map(len, rows))) == 1:
+            return Piece(m.Matrix(tuple(rows)))
         return Piece(m.brackets(m.joined(self.numbers(expr.items))))
 
 
@@ -220,16 +221,12 @@ _OPPOSITE = {"==": "!=", "!=": "==", "in": "not in", "not in": "in", "<": ">=", 
 def _squared(factors: list[s.Expr]) -> list[s.Expr]:
     squares: list[s.Expr] = []
     for factor in factors:
-        if (
-            isinstance(factor, s.Name)
-            and squares
-            and isinstance(squares[-1], s.Name)
-            and squares[-1].written == factor.written
-        ):
-            two = s.Number(2, "2", factor.place)
-            squares[-1] = s.Binary("**", factor, two, factor.place)
-        else:
-            squares.append(factor)
+        match (factor, squares[-1:]):
+            case s.Name() as name, [s.Name() as before] if before.written == name.written:
+                two = s.Number(2, "2", name.place)
+                squares[-1] = s.Binary("**", name, two, name.place)
+            case _:
+                squares.append(factor)
     return squares
 
 
@@ -262,8 +259,8 @@ def _number(text: str) -> Piece:
     mantissa, mark, exponent = text.lower().replace("_", "").partition("e")
     if not mark or not exponent.lstrip("+-").isdigit():
         return Piece(m.Num(text.replace("_", "")))
-    sign = (m.Sym("−"),) if exponent.startswith("-") else ()
-    power = m.Script(m.Num("10"), sup=m.row(*sign, m.Num(exponent.lstrip("+-0") or "0")))
+    digits = m.Num(exponent.lstrip("+-0") or "0")
+    power = m.Script(m.Num("10"), sup=m.signed(exponent.startswith("-"), digits))
     if mantissa in ("1", "1."):
         return applied("**", power)
     return applied("*", m.Row((m.Num(mantissa), m.Sym("×"), power)))

@@ -273,7 +273,7 @@ def _range(w: Writer, call: s.Call) -> Piece | None:
 def _box(w: Writer, call: s.Call) -> Piece | None:
     if len(call.args) != 3:
         return None
-    low, high, n = (w.number(a).tree for a in call.args)
+    low, high, n = w.numbers(call.args)
     return Piece(m.Script(interval(low, high), sup=n))
 
 
@@ -426,9 +426,7 @@ def distribution(w: Writer, call: s.Call) -> Piece:
 def _power(w: Writer, shape: s.Expr) -> m.Math:
     if not isinstance(shape, s.Vector):
         return w.number(shape).tree
-    level = Level.SCOPE
-    if len(shape.items) > 1:
-        level = Level.ATOM
+    level = Level.ATOM if len(shape.items) > 1 else Level.SCOPE
     return m.joined((w.number(item).at(level) for item in shape.items), "×")
 
 
@@ -440,4 +438,4 @@ def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piec
     for name, value in given.items():
         entries.append((name, element(inner, value, at)))
     one = distribution(inner, replace(call, args=(), keywords=tuple(entries)))
-    return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))
+    return Piece(m.Script(m.brackets(one.tree), w.joined_names(at)))

@@ -104,15 +104,19 @@ def _tex(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Fence():
             return _fence(node)
         case m.Cases(rows=rows):
-            return _environment("dcases" if any(isinstance(part, m.Big) for part in m.parts(node)) else "cases", rows)
+            name = "dcases" if m.Big in map(type, m.parts(node)) else "cases"
+            return _environment(name, rows)
         case m.Matrix(rows=rows):
             return _environment("pmatrix", rows)
         case m.Arrow(over=over):
             return rf" \xrightarrow{{{latex(over)}}} "
         case m.Big(symbol=symbol, sub=sub, sup=sup):
-            name = {"∑": r"\sum", "∏": r"\prod"}.get(symbol, _glyph(symbol))
-            limits = "".join(f"{mark}{{{latex(x)}}}" for mark, x in (("_", sub), ("^", sup)) if x is not None)
-            return f"{name}{limits} "
+            written = {"∑": r"\sum", "∏": r"\prod"}.get(symbol, _glyph(symbol))
+            if sub is not None:
+                written += f"_{{{latex(sub)}}}"
+            if sup is not None:
+                written += f"^{{{latex(sup)}}}"
+            return f"{written} "
         case _:
             assert_never(node)
 
@@ -138,8 +142,10 @@ def _ident(node: m.Ident) -> str:
     for char in text:  # anything but plain letters goes through text mode
         if char.isascii() and char.isalnum():
             letters += char
+        elif char in c.TEX_LETTER:
+            letters += f"{_glyph(char)} "
         else:
-            letters += _glyph(char) + " " if char in c.TEX_LETTER else _text(char)
+            letters += _text(char)
     return rf"{_STYLE[node.style]}{{{letters}}}"
 
 
@@ -222,7 +228,8 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
             # not <mtext>: a row of texts and one sign would count as an operator, and lose the space around the sign
             return f'<mi mathvariant="normal">{html.escape(_held(text))}</mi>'
         case m.Gap(width=gap):
-            return f'<mspace width="{"0.17em" if gap == "thin" else "1em"}"/>'
+            size = {"thin": "0.17em", "wide": "1em"}[gap]
+            return f'<mspace width="{size}"/>'
         case m.Row(items=items):
             return f"<mrow>{''.join(map(_element, items))}</mrow>"
         case m.Frac(top=top, bottom=bottom):
@@ -316,6 +323,6 @@ def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | 
 def _table(rows: Sequence[Sequence[m.Math]], style: str = "") -> str:
     lines = ""
     for row in rows:
-        cells = "".join(f"<mtd>{_element(cell)}</mtd>" for cell in row)
-        lines += f"<mtr>{cells}</mtr>"
+        cells = "</mtd><mtd>".join(map(_element, row))
+        lines += f"<mtr><mtd>{cells}</mtd></mtr>"
     return f"<mtable{style}>{lines}</mtable>"

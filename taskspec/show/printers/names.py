@@ -8,11 +8,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from taskspec.base.named import all_names
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import literal, parse
 from taskspec.language.expressions.types import shape
 from taskspec.language.task import questions
 from taskspec.language.task.names import signature
+from taskspec.language.task.schema.typed import ComponentEntry
 from taskspec.language.task.task import Task
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.pieces import Piece, indicator
@@ -84,7 +86,10 @@ class Notation:
             return self.labels[of][name]
         if name in self.symbols:
             return None
-        return next((labels[name] for labels in self.labels.values() if name in labels), None)
+        for labels in self.labels.values():
+            if name in labels:
+                return labels[name]
+        return None
 
     def with_symbols(self, more: Mapping[str, m.Math]) -> Notation:
         return replace(self, symbols={**self.symbols, **more})
@@ -127,6 +132,9 @@ class Writer(ABC):
     def numbers(self, exprs: Iterable[s.Expr]) -> list[m.Math]:
         return [self.number(e).tree for e in exprs]
 
+    def joined_names(self, names: Iterable[s.Name]) -> m.Math:
+        return m.joined(self.notation.symbol(name.id) for name in names)
+
     def with_axes(self, more: Mapping[str, int]) -> Writer:
         return replace(self, notation=replace(self.notation, axes={**self.notation.axes, **more}))
 
@@ -145,19 +153,18 @@ def of_task(task: Task) -> Notation:
     declared = spec.state | spec.action | spec.memory
     for name, entry in declared.items():
         symbols[name] = symbol(name, entry.symbol)
-        if isinstance(entry.shape, list) and entry.shape:
-            first = entry.shape[0]
-        else:
-            first = entry.shape
-        if first not in (None, []):
+        first = _first_length(entry)
+        if first is not None:
             lengths[name] = expression(first)
-    symbols |= {name: symbol(name, entry.symbol) for name, entry in spec.parameters.entries.items()}
-    axes = dict.fromkeys((p.name for p in task.parameters), 0) | {"t": 0, "T": 0}
-    axes |= {name: len(value.type.shape) for name, value in task.source.constants.items()}
+    for name, entry in spec.parameters.entries.items():
+        symbols[name] = symbol(name, entry.symbol)
+    axes = dict.fromkeys((*all_names(task.parameters), "t", "T"), 0)
+    for name, value in task.source.constants.items():
+        axes[name] = len(value.type.shape)
     axes |= questions.axes(task)
-    labels = {}
-    singles = set()
     memory = () if task.annotations.memory is None else task.annotations.memory.components
+    labels: dict[str, dict[str, m.Math]] = {}
+    singles = set()
     for c in (*task.state, *task.action, *memory):
         sizes = shape(c.type, c.domain)
         axes[c.name] = 0 if sizes == (1,) else len(sizes)
@@ -165,8 +172,14 @@ def of_task(task: Task) -> Notation:
             singles.add(c.name)
         if c.domain is not None:
             given = c.domain.symbols or (None,) * len(c.domain.labels)
-            labels[c.name] = {name: label(name, own) for name, own in zip(c.domain.labels, given, strict=True)}
+            labels[c.name] = dict(zip(c.domain.labels, map(label, c.domain.labels, given), strict=True))
     return Notation(symbols, labels, frozenset(), frozenset(singles), lengths, axes, bodies)
+
+
+def _first_length(entry: ComponentEntry) -> Any:
+    if isinstance(entry.shape, list):
+        return next(iter(entry.shape), None)
+    return entry.shape
 
 
 def expression(value: Any) -> s.Expr:

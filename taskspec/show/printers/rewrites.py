@@ -5,7 +5,6 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import partial
 from typing import Any
 
@@ -18,7 +17,8 @@ from taskspec.show.printers.tree import mapped
 
 MAX_POWER = 64
 _EXACT: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "//": operator.floordiv, "%": operator.mod,
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.floordiv, "//": operator.floordiv, "%": operator.mod,
+    "**": operator.pow,
 }  # fmt: skip
 
 
@@ -31,17 +31,14 @@ def renamed(node: Any, old: str, new: str) -> Any:
 def substitute(node: Any, values: Mapping[str, Any]) -> Any:
     """Replace names by numbers and fold constant arithmetic."""
     if isinstance(node, s.Name):
-        known = not node.primed and node.id in values
-        return (_literal(values[node.id], node.place) if known else None) or node
+        if node.primed or node.id not in values:
+            return node
+        return _literal(values[node.id], node.place) or node
     if isinstance(node, s.Comprehension):
-        bound: set[str] = set()
+        values = dict(values)
         for clause in node.clauses:
-            bound.update(clause.targets)
-        free = {}
-        for name, value in values.items():
-            if name not in bound:
-                free[name] = value
-        values = free
+            for name in clause.targets:
+                values.pop(name, None)
     return _fold(mapped(node, partial(substitute, values=values)))
 
 
@@ -50,10 +47,9 @@ def _literal(value: Any, place: s.Place) -> s.Expr | None:
         return s.Boolean(value, place)
     if not isinstance(value, int | float) or value != value:
         return None
+    digits = str(abs(value))
     if isinstance(value, float):
         digits = f"{abs(value):.10g}"
-    else:
-        digits = str(abs(value))
     number = s.Number(abs(value), digits, place)
     if value < 0:
         return s.Unary("-", number, place)
@@ -91,10 +87,10 @@ def _integer(expr: s.Expr) -> int | None:
 def _compute(op: str, a: int, b: int) -> int | None:
     if op in ("//", "%") and b == 0:
         return 0
-    if op == "**":
-        return a**b if 0 <= b <= MAX_POWER and abs(a) <= 1000 else None
-    if op == "/":
-        return a // b if b and Fraction(a, b).denominator == 1 else None
+    if op == "**" and not (0 <= b <= MAX_POWER and abs(a) <= 1000):
+        return None
+    if op == "/" and (b == 0 or a % b):
+        return None
     return int(_EXACT[op](a, b))
 
 
@@ -127,10 +123,11 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
 
     def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
         if isinstance(node, s.Call) and is_distribution(node.function) and not shows_probabilities(node):
-            name = s.Name(f"{prefix}_{len(draws) + 1}", False, node.place)
-            below = tuple(s.Name(i, False, node.place) for i in indices)
-            draws.append((s.Subscript(name, below, node.place) if below else name, node))
-            return draws[-1][0]
+            name: s.Name | s.Subscript = s.Name(f"{prefix}_{len(draws) + 1}", False, node.place)
+            if indices:
+                name = s.Subscript(name, tuple(s.Name(i, False, node.place) for i in indices), node.place)
+            draws.append((name, node))
+            return name
         if isinstance(node, s.Comprehension):
             for clause in node.clauses:
                 indices += clause.targets
@@ -154,13 +151,13 @@ def rank(w: Writer, expr: s.Expr) -> int:
         case s.Call():
             return _axes_of_call(w, expr)
         case s.Subscript():
-            slices = sum(isinstance(i, s.Slice) for i in expr.indices)
+            slices = list(map(type, expr.indices)).count(s.Slice)
             if not _is_known(w, expr.value):
                 return slices
-            picked = sum(_picked_axes(w, i) for i in expr.indices)
+            picked = sum(map(partial(_picked_axes, w), expr.indices))
             return max(rank(w, expr.value) - len(expr.indices) + slices, 0) + picked
         case s.Vector(items=items):  # a single element is written like a number
-            return _widest(w, items) + (len(items) > 1 or any(isinstance(i, s.Vector) for i in items))
+            return _widest(w, items) + (len(items) > 1 or s.Vector in map(type, items))
         case s.Comprehension(is_set=False, element=inner):
             return 1 + rank(under(w, expr), inner)
         case s.Compare(rest=((op, _),)) if op in ("in", "not in"):
@@ -174,7 +171,7 @@ def rank(w: Writer, expr: s.Expr) -> int:
 
 
 def _widest(w: Writer, parts: Sequence[s.Expr]) -> int:
-    return max((rank(w, part) for part in parts), default=0)
+    return max(map(partial(rank, w), parts), default=0)
 
 
 def _axes_of_name(w: Writer, name: s.Name) -> int:
@@ -207,16 +204,19 @@ def _axes_of_call(w: Writer, call: s.Call) -> int:
 def _axes_of_distribution(w: Writer, call: s.Call) -> int:
     given = dict(call.keywords)
     shape = given.pop("shape", None)
+    if isinstance(shape, s.Vector):
+        return len(shape.items)
     if shape is not None:
-        if isinstance(shape, s.Vector):
-            return len(shape.items)
         return 1
     dist = DISTS.get(call.function)
     if dist is not None and not dist.shaped:
         return 1
     values: list[s.Expr] = []
     for a in call.args:
-        values += a.items if isinstance(a, s.SetOf) else s.alternatives(a)
+        if isinstance(a, s.SetOf):
+            values += a.items
+        else:
+            values += s.alternatives(a)
     if dist is None:  # values with their probabilities, or probabilities alone
         return _widest(w, [v for v in values if v not in call.args])
     return _widest(w, [*values, *given.values()])
@@ -224,7 +224,9 @@ def _axes_of_distribution(w: Writer, call: s.Call) -> int:
 
 def _picked_axes(w: Writer, index: s.Expr | s.Slice) -> int:
     """Axes of an index: a vector of indices picks several rows."""
-    return 0 if isinstance(index, s.Slice) or not _is_known(w, index) else rank(w, index)
+    if isinstance(index, s.Slice) or not _is_known(w, index):
+        return 0
+    return rank(w, index)
 
 
 def _is_known(w: Writer, expr: s.Expr) -> bool:
@@ -283,7 +285,7 @@ def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
     if axes == 1 and own is not None:  # the author has named it
         at = (s.Name(own, False, expr.place),)
     inner = w.with_axes({index.id: 0 for index in at})
-    return inner, m.joined(w.notation.symbol(index.id) for index in at), element(inner, expr, at)
+    return inner, w.joined_names(at), element(inner, expr, at)
 
 
 def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
@@ -291,22 +293,23 @@ def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
     axes = w.notation.axes.get(w.of or "", 0)
     if not axes or w.of in w.notation.labels or not _is_known(w, expr) or rank(w, expr):
         return None
-    return m.joined(w.notation.symbol(index.id) for index in indices(w, expr, axes))
+    return w.joined_names(indices(w, expr, axes))
 
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Choose letters for indices that the expression neither names nor prints."""
-    used = set()
+    used = {*s.targets(expr), *w.notation.symbols}
     for x in s.names(expr):
         if isinstance(x, s.Name):
             used.add(x.id)
-    used = used | {*s.targets(expr)} | {*w.notation.symbols}
     looks = set(map(w.notation.symbol, used))
     free = []
-    for i in _LETTERS:
-        if i not in used and m.Ident(i) not in looks:
-            free.append(i)
-    return tuple(s.Name(letter, False, expr.place) for letter in [*free, "ι", "κ"][:count])
+    for letter in _LETTERS:
+        if letter not in used and m.Ident(letter) not in looks:
+            free.append(s.Name(letter, False, expr.place))
+    for letter in "ικ":
+        free.append(s.Name(letter, False, expr.place))
+    return tuple(free[:count])
 
 
 def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:

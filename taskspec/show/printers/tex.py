@@ -136,7 +136,10 @@ class _TexReader:
             if token.isspace():
                 self.at += 1
             elif token in ("_", "^", "'"):
-                trees.append(self.script(trees.pop() if trees else m.Row(())))
+                base: Math = m.Row(())
+                if trees:
+                    base = trees.pop()
+                trees.append(self.script(base))
             else:
                 trees += self.one()
         self.depth -= 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import assert_never
 
 from taskspec.language.expressions import syntax as s
@@ -40,7 +41,10 @@ def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
         case s.Boolean(value=value):
             return str(value), NAME
         case s.Quoted(value=value):
-            return (f'"{value}"' if '"' not in value else f"'{value}'"), NAME
+            quote = '"'
+            if quote in value:
+                quote = "'"
+            return f"{quote}{value}{quote}", NAME
         case s.Name():
             return expr.written, NAME
         case s.Unary(op="not", operand=operand):
@@ -48,14 +52,15 @@ def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
         case s.Unary(op=op, operand=operand):
             return f"{op}{_operands('sign', operand)[0]}", TEXT["sign"].own
         case s.Binary(op=op, left=left, right=right):
-            sign = op if op == "**" else f" {op} "
+            sign = f" {op} ".replace(" ** ", "**")
             return sign.join(_operands(op, left, right)), TEXT[op].own
         case s.Logical(op=op, operands=operands):
             return f" {op} ".join(_operands(op, *operands)), TEXT[op].own
         case s.Compare(first=first, rest=rest):
-            start, *others = _operands("compare", first, *(side for _, side in rest))
-            links = "".join(f" {op} {side}" for (op, _), side in zip(rest, others, strict=True))
-            return start + links, TEXT["compare"].own
+            written, *sides = _operands("compare", first, *(side for _, side in rest))
+            for (op, _), side in zip(rest, sides, strict=True):
+                written += f" {op} {side}"
+            return written, TEXT["compare"].own
         case s.IfElse(condition=c, then=then, otherwise=otherwise):
             value, condition, other = _operands("if", then, c, otherwise)
             return f"{value} if {condition} else {other}", TEXT["if"].own
@@ -63,10 +68,9 @@ def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
             arguments = [*map(text, args), *(f"{name}={text(value)}" for name, value in keywords)]
             return f"{function}({', '.join(arguments)})", NAME
         case s.Subscript(value=value, indices=indices):
+            (base,) = _operands("subscript", value)
             if isinstance(value, s.Number):
-                base = f"({text(value)})"
-            else:
-                base = _operands("subscript", value)[0]
+                base = f"({base})"
             return f"{base}[{', '.join(map(_index, indices))}]", NAME
         case s.Vector() | s.SetOf() | s.Weights() | s.Comprehension():
             return _display(expr), NAME
@@ -83,8 +87,15 @@ def _index(index: s.Expr | s.Slice) -> str:
         return f"[{', '.join(map(text, index.items))}]"
     if not isinstance(index, s.Slice):
         return text(index)
-    ends = (index.start, index.stop) if index.step is None else (index.start, index.stop, index.step)
-    return ":".join("" if end is None else text(end) for end in ends)
+    written = ""
+    if index.start is not None:
+        written += text(index.start)
+    written += ":"
+    if index.stop is not None:
+        written += text(index.stop)
+    if index.step is not None:
+        written += f":{text(index.step)}"
+    return written
 
 
 def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
@@ -97,7 +108,8 @@ def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
         case s.SetOf(items=items):
             return f"{{{', '.join(map(text, items))}}}"
         case s.Weights(pairs=pairs):
-            return f"{{{', '.join(f'{text(v)}: {text(p)}' for v, p in pairs)}}}"
+            entries = [f"{text(value)}: {text(p)}" for value, p in pairs]
+            return f"{{{', '.join(entries)}}}"
         case s.Comprehension(element=element, clauses=clauses, is_set=is_set):
             inner = text(element)
             for clause in clauses:
@@ -120,10 +132,9 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
     branches = []
     last = None
     for row in rows:
-        if isinstance(row.body, tuple):
-            body = _as_conditional(by[1:], row.body, place)
-        else:
-            body = row.body
+        body = row.body
+        if isinstance(body, tuple):
+            body = _as_conditional(by[1:], body, place)
         if row.key is None:
             last = body
         else:
@@ -162,16 +173,24 @@ def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Fence(left=left, body=body, right=right):
             return f"{left}{plain(body)}{right}"
         case m.Cases(rows=rows):
-            return f"{{ {'; '.join(f'{plain(a)} {plain(b)}'.strip() for a, b in rows)} }}"
-        case m.Matrix(rows=lines):
-            return f"[{'; '.join(' '.join(map(plain, line)) for line in lines)}]"
+            return f"{{ {_rows(rows)} }}"
+        case m.Matrix(rows=rows):
+            return f"[{_rows(rows)}]"
         case m.Arrow(over=over):
             return f" —{plain(over)}→ "
         case m.Big(symbol=symbol, sub=sub, sup=sup):
-            limits = "".join(f"{mark}({plain(x)})" for mark, x in (("_", sub), ("^", sup)) if x is not None)
-            return f"{symbol}{limits} "
+            if sub is not None:
+                symbol += f"_({plain(sub)})"
+            if sup is not None:
+                symbol += f"^({plain(sup)})"
+            return f"{symbol} "
         case _:
             assert_never(node)
+
+
+def _rows(rows: Iterable[Iterable[m.Math]]) -> str:
+    lines = [" ".join(map(plain, row)).strip() for row in rows]
+    return "; ".join(lines)
 
 
 def _row(items: tuple[m.Math, ...]) -> str:

@@ -86,9 +86,7 @@ def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDr
 
 def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
     task = env.task
-    memory = None
-    if policy.task.annotations.remembers:
-        memory = task.annotations.memory
+    memory = task.annotations.memory if policy.task.annotations.remembers else None
     remembered: list[Flat] = []
     last: list[Flat] = []
 

@@ -79,9 +79,7 @@ def console(err: bool = False, wide: bool = False) -> Console:
     from rich.theme import Theme
 
     stream = _stream(err)
-    kind = Console
-    if not stream.isatty():
-        kind = PipedConsole
+    kind = PipedConsole if not stream.isatty() else Console
     width = None
     if terminal_width(err) is None:
         width = PIPED if wide else PAGE
@@ -244,9 +242,7 @@ class Columns:
             if len(rows) < 2 or not shared:
                 continue
             for row in rows:
-                style = ""
-                if isinstance(row[self.names], Text):
-                    style = row[self.names].style
+                style = row[self.names].style if isinstance(row[self.names], Text) else ""
                 row[self.names] = Text(str(row[self.names]).replace(shared, "…", 1), style=style)
             above: list[Any] = [""] * len(self.headers)
             above[self.names] = Text(f"{indent}{shared}…", style="quiet")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -16,6 +17,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import ON_PAGES, plural, visible
 from taskspec.base.display import number as digits
 from taskspec.base.extras import need
+from taskspec.base.named import all_names
 from taskspec.exact.scores.difficulty import hidden_bits
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.questions import components_read
@@ -52,15 +54,18 @@ def gallery(suites: Mapping[str, Suite]) -> str:
     tiles: list[dict[str, Any]] = []
     for folder, suite in suites.items():
         tiles += _tiles(folder, suite)
-    sizes = {tile["size"] for tile in tiles}
-    states = {tile["state"] for tile in tiles}
-    filters = {
+    orders = {
         "capability": sorted({tile["capability"] for tile in tiles} - {""}),
-        "suite": list(dict.fromkeys(suite.title for suite in suites.values())),
-        "size": [name for name in (*dict(SIZES).values(), CONTINUOUS) if name in sizes],
-        "state": [name for name in (SEEN, HIDDEN) if name in states],
+        "suite": [suite.title for suite in suites.values()],
+        "size": [*dict(SIZES).values(), CONTINUOUS],
+        "state": [SEEN, HIDDEN],
     }
-    chosen = {name: values for name, values in filters.items() if len(values) > 1}
+    chosen = {}
+    for name, order in orders.items():
+        on_tiles = {tile[name] for tile in tiles}
+        values = list(dict.fromkeys(filter(on_tiles.__contains__, order)))
+        if len(values) > 1:
+            chosen[name] = values
     template = html_environment().get_template("cards.html")
     return visible(template.render(cards=tiles, filters=chosen, all=ALL, hidden=HIDDEN), ON_PAGES)
 
@@ -120,8 +125,7 @@ def scores(page: Page) -> str:
     for name, word in SHOWN_SCORES.items():
         score = page.facts.scores.get(name)
         if score is not None:
-            about = "" if score.exact else "about "
-            shown.append(f"{word} {about}{digits(float(score.value), 3)}")
+            shown.append(f"{word} {'about ' * (not score.exact)}{digits(float(score.value), 3)}")
     return ", ".join(shown)
 
 
@@ -131,21 +135,13 @@ def _observed(page: Page) -> str:
     if task.observation.is_state:
         return SEEN
     model = page.facts.model
+    is_hidden = not set(all_names(task.state)) <= components_read(task.observation.nodes)
     if model is not None and model.task is task:
-        try:
+        with suppress(SpecError):
             is_hidden = hidden_bits(model) > 1e-9
-        except SpecError:
-            is_hidden = _reads_less(page)
-    else:
-        is_hidden = _reads_less(page)
     if is_hidden:
         return HIDDEN
     return SEEN
-
-
-def _reads_less(page: Page) -> bool:
-    task = page.task
-    return not {c.name for c in task.state} <= components_read(task.observation.nodes)
 
 
 MOST_ITEMS = 2000  # larger figures are drawn once, without overlays
@@ -169,11 +165,10 @@ def site(suite: Suite) -> dict[str, str]:
             **common,
         )
     }
+    neighbours = [None, *suite.pages, None]
     for i, page in enumerate(suite.pages):
-        before = suite.pages[i - 1] if i else None
-        after = None
-        if i + 1 < len(suite.pages):
-            after = suite.pages[i + 1]
+        before = neighbours[i]
+        after = neighbours[i + 2]
         files[f"{page.anchor}.html"] = env.get_template("task.html").render(
             before=before, after=after, **_page(suite, page), **common
         )
@@ -188,12 +183,13 @@ def page_style() -> str:
 def page_of(template: str, **values: Any) -> str:
     """Return a page that stands alone, in the style of the others: the templates are `report.html` and `findings.html`."""
     env = html_environment()
-    style = Markup("".join(env.get_template(name).render() for name in ("style.css", "report.css")))
+    style = Markup(page_style() + env.get_template("report.css").render())
     return visible(env.get_template(template).render(style=style, **values), ON_PAGES)
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
     scene = suite.scenes.get(page.anchor)
+    caption = scene.caption if scene is not None else ""
     titles = [each.title for each in page.settings]
     states = marked_states(page)
     return {
@@ -201,7 +197,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
         "states": states.values(),
         **HtmlWriter(suite.cited, states).words(page.summary, page.description, page.sections, titles),
         "figures": _figures(page, scene),
-        "caption": scene.caption if scene else "",
+        "caption": caption,
         "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
@@ -210,13 +206,12 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
 def marked_states(page: Page) -> dict[str, int]:
     """Return codes of states by their symbols, for those whose transitions have a line of their own."""
     section = page.section("dynamics")
-    if section:
-        origins = {origin_of(line.content) for line in section.lines} - {""}
-    else:
-        origins = set()
-    if not origins:
+    if section is None:
         return {}
-    codes = {}
+    origins = {origin_of(line.content) for line in section.lines} - {""}
+    codes: dict[str, int] = {}
+    if not origins:
+        return codes
     for code, label in state_labels(page.task).items():
         symbol = plain(label)
         if symbol in origins:
@@ -231,7 +226,9 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     scenes = {"task": scene}
     if page.facts.model is not None and len(scene.items) <= MOST_ITEMS:
         scenes |= layers(page.task, page.facts.model)
-    shown = [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in scenes.items()]
+    shown = []
+    for name, each in scenes.items():
+        shown.append((_LAYERS[name], Markup(svg(each, css=True))))
     if page.facts.model is not None or isinstance(page.task.annotations.expert, tuple):
         moving = film(page.task)
         if moving is not None:

@@ -8,7 +8,7 @@ from typing import assert_never
 from urllib.parse import quote
 
 from taskspec.base import __version__
-from taskspec.show.figures import tikz
+from taskspec.show.figures import Scene, tikz
 from taskspec.show.figures.vector_formats import tikz_colors
 from taskspec.show.pages import prose as p
 from taskspec.show.pages.page import Family, Page, Sibling, families
@@ -33,13 +33,12 @@ def document(suite: Suite) -> dict[str, str]:
     """Return files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
     writer = LatexWriter(frozenset(suite.cited))
-    if suite.brief:
-        write = writer.brief
-    else:
-        write = writer.family
-    texts = {family.head.anchor: write(suite, family) for family in families(suite.pages)}
-    files = {f"{anchor}.tex": text for anchor, text in texts.items()}
-    names = list(texts)
+    write = writer.brief if suite.brief else writer.family
+    files = {}
+    names = []
+    for family in families(suite.pages):
+        names.append(family.head.anchor)
+        files[f"{family.head.anchor}.tex"] = write(suite, family)
     files["appendix.tex"] = env.get_template("appendix.tex").render(
         names=names, brief=suite.brief, notation=writer.prose(notation(suite.pages))
     )
@@ -60,31 +59,39 @@ class LatexWriter:
     def family(self, suite: Suite, family: Family) -> str:
         """Return tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
+        others = []
+        for other in family.others:
+            others.append({**self.parts(suite, other.page, other.base), "base": _base(other, head)})
         return text_environment().get_template("task.tex").render(
             self.parts(suite, head), title=escape(family.title), id=escape(head.id), capability=escape(head.capability),
-            labels=[page.anchor for page in family.pages],
+            labels=family.anchors, family=others,
             others=[(tikz(each.scene), escape(each.caption)) for each in suite.others(head)],
-            family=[{**self.parts(suite, other.page, other.base), "base": _base(other, head)} for other in family.others],
         )  # fmt: skip
 
     def parts(self, suite: Suite, page: Page, base: Page | None = None) -> dict[str, object]:
         """Return the parts of a page; of a variant, a figure and a description only if it has its own."""
         scene = suite.scenes.get(page.anchor)
-        if base is not None and scene is not None and scene.shows(suite.scenes.get(base.anchor)):
-            scene = None
-        told = () if base is not None and page.description == base.description else page.description
+        description = page.description
+        if base is not None:
+            if scene is not None and scene.shows(suite.scenes.get(base.anchor)):
+                scene = None
+            if description == base.description:
+                description = ()
+        beside = []
+        below = []
+        for section in page.sections:
+            if section.key in BESIDE:
+                beside.append(self.section(section, page, BESIDE_ROOM))
+            else:
+                below.append(self.section(section, page, WHOLE_ROOM))
         return {
             "name": escape(page.name), "summary": self.prose(page.summary), "make": escape(page.make),
-            "description": list(map(self.block, told)),
-            "beside": [self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
-            "below": [self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
-            "figure": tikz(scene) if scene else "", "caption": escape(scene.caption) if scene else "",
+            "description": list(map(self.block, description)), "beside": beside, "below": below, **_pictured(scene),
         }  # fmt: skip
 
     def brief(self, suite: Suite, family: Family) -> str:
         """Return tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
-        scene = suite.scenes.get(head.anchor)
         others = []
         for other in family.others:
             others.append({
@@ -93,17 +100,18 @@ class LatexWriter:
             })  # fmt: skip
         return text_environment().get_template("brief.tex").render(
             name=escape(head.name), title=escape(family.title), id=escape(head.id), summary=self.prose(head.summary),
-            labels=[page.anchor for page in family.pages], cites=", ".join(map(self.cite, head.sources)),
-            sections=[*self.run_in(head)], others=others,
-            figure=tikz(scene) if scene else "", caption=escape(scene.caption) if scene else "",
+            labels=family.anchors, cites=", ".join(map(self.cite, head.sources)),
+            sections=[*self.run_in(head)], others=others, **_pictured(suite.scenes.get(head.anchor)),
         )  # fmt: skip
 
     def run_in(self, page: Page) -> Iterator[dict[str, object]]:
         """Yield sections as rows of a card: a short title, and the lines one after the other."""
         for section in page.sections:
             ends = [";"] * (len(section.lines) - 1) + ["."]
-            text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
-            yield {"title": escape(section.label), "text": text + self.table(section)}
+            texts = []
+            for line, end in zip(section.lines, ends, strict=False):
+                texts.append(self.brief_line(line, end, page))
+            yield {"title": escape(section.label), "text": " ".join(texts) + self.table(section)}
 
     def section(self, section: Section, page: Page, room: float) -> dict[str, object]:
         lead, rest = section.laid_out([self.line(line, page, room) for line in section.lines])
@@ -114,27 +122,32 @@ class LatexWriter:
         cells = section.table
         if cells is None:
             return ""
-        rows = [list(map(self.cell, row)) for row in cells.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in cells.header]
-        lines = rows
+        lines = []
         if any(cells.header):
-            lines = [heads, *rows]
-        body = r" \\ ".join(" & ".join(row) for row in lines)
-        stacked = "".join(rf"\taskspecrow{{{_stacked(cells.header, heads, row)}}}" for row in rows)
+            lines.append(" & ".join(heads))
+        stacked = ""
+        for row in cells.rows:
+            texts = list(map(self.cell, row))
+            lines.append(" & ".join(texts))
+            stacked += rf"\taskspecrow{{{_stacked(cells.header, heads, texts)}}}"
+        body = r" \\ ".join(lines)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
     def cell(self, content: p.Inlines) -> str:
         """Return prose in a line of its own, in which formulas are not broken."""
-        texts = []
+        text = ""
         for piece in content:
-            texts.append(f"${latex(piece.math)}$" if isinstance(piece, p.Formula) else self.inline(piece, WHOLE_ROOM))
-        return "".join(texts)
+            if isinstance(piece, p.Formula):
+                text += f"${latex(piece.math)}$"
+            else:
+                text += self.inline(piece, WHOLE_ROOM)
+        return text
 
     def line(self, line: SectionLine, page: Page, room: float) -> str:
         text = self.prose(line.content, room)
         if line.verbatim is not None:
-            rows = r"\\".join(escape(row).replace(" ", "~") for row in line.verbatim.splitlines())
-            text += rf"\par{{\ttfamily {rows}}}"
+            text += rf"\par{_verbatim(line.verbatim)}"
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
                 text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, room, ')')}}}"
@@ -144,15 +157,14 @@ class LatexWriter:
         """Return a line among others of its paragraph, with the sign that ends it; a map has none."""
         if line.verbatim is not None:
             return rf"{self.line(line, page, BRIEF_ROOM)}\par"
-        asides = []
-        for setting, values in zip(page.settings, line.values, strict=False):
+        backwards = []
+        for setting, values in reversed(list(zip(page.settings, line.values, strict=False))):
             if values:
-                asides.append((setting.title, values))
-        told = [self.prose(line.content, BRIEF_ROOM, "" if asides else end)]
-        for i, (title, values) in enumerate(asides):
-            closing = ")" + (end if i == len(asides) - 1 else "")
-            told.append(rf"\taskspecaside{{{escape(title)}}}{{{self.prose(values, BRIEF_ROOM, closing)}}}")
-        return " ".join(told)
+                text = self.prose(values, BRIEF_ROOM, f"){end}")
+                backwards.append(rf"\taskspecaside{{{escape(setting.title)}}}{{{text}}}")
+                end = ""
+        backwards.append(self.prose(line.content, BRIEF_ROOM, end))
+        return " ".join(reversed(backwards))
 
     def prose(self, content: p.Inlines, room: float = WHOLE_ROOM, end: str = "") -> str:
         """Return pieces of prose; the sign that ends them stays with a formula on a line of its own."""
@@ -169,39 +181,52 @@ class LatexWriter:
             case p.CodeSpan(text=text):
                 return rf"\texttt{{{escape(text)}}}"
             case p.Emph(inner=inner, strong=strong):
-                return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, room)}}}"
+                command = "textbf" if strong else "emph"
+                return rf"\{command}{{{self.prose(inner, room)}}}"
             case p.Link(address=address, inner=inner):
                 safe = quote(address, safe=":/?=&.,+-@!*();~'")  # TeX's special characters as percent codes
                 place = safe.replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
                 return rf"\taskspeclink{{{place}}}{{{self.prose(inner, room)}}}"
             case p.Cite():
                 return self.cite(piece)
-            case p.Mark(holds=holds, text=text):
-                return rf"\taskspec{'fails' if holds is False else 'holds'}{{{escape(text)}}}"
+            case p.Mark(holds=False, text=text):
+                return rf"\taskspecfails{{{escape(text)}}}"
+            case p.Mark(text=text):
+                return rf"\taskspecholds{{{escape(text)}}}"
             case _:
                 assert_never(piece)
 
     def cite(self, cite: p.Cite) -> str:
+        if cite.key not in self.known:
+            return escape(", ".join(filter(None, (cite.key, cite.where))))
         where = ""
         if cite.where:
             where = f"[{{{escape(cite.where)}}}]"
-        if cite.key in self.known:
-            return rf"\cite{where}{{{cite.key}}}"
-        return escape(f"{cite.key}, {cite.where}" if cite.where else cite.key)
+        return rf"\cite{where}{{{cite.key}}}"
 
     def block(self, block: p.Block) -> str:
         match block:
             case p.Paragraph(content=content):
                 return self.prose(content)
             case p.Bullets(items=items, ordered=ordered):
-                kind = "itemize"
-                if ordered:
-                    kind = "enumerate"
-                inner = "\n".join(r"\item " + "\n\n".join(map(self.block, item)) for item in items)
-                return f"\\begin{{{kind}}}\n{inner}\n\\end{{{kind}}}"
+                kind = "enumerate" if ordered else "itemize"
+                lines = [rf"\begin{{{kind}}}"]
+                for item in items:
+                    lines.append(r"\item " + "\n\n".join(map(self.block, item)))
+                return "\n".join((*lines, rf"\end{{{kind}}}"))
             case _:
-                rows = r"\\".join(escape(row).replace(" ", "~") for row in block.text.splitlines())
-                return rf"{{\ttfamily {rows}}}"
+                return _verbatim(block.text)
+
+
+def _verbatim(text: str) -> str:
+    rows = r"\\".join(escape(row).replace(" ", "~") for row in text.splitlines())
+    return rf"{{\ttfamily {rows}}}"
+
+
+def _pictured(scene: Scene | None) -> dict[str, str]:
+    if scene is None:
+        return {"figure": "", "caption": ""}
+    return {"figure": tikz(scene), "caption": escape(scene.caption)}
 
 
 def _base(sibling: Sibling, head: Page) -> str:

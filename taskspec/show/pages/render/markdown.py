@@ -29,10 +29,14 @@ def markdown(suite: Suite) -> dict[str, str]:
     """Return files by name: `index.md` and one for each task."""
     env = text_environment()
     writer = MarkdownWriter(suite)
-    files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
-    rows = [(escape(x.name), x.anchor, escape(x.capability), writer.prose(x.summary)) for x in suite.pages]
-    files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
-    return {name: visible(text, ON_PAGES) for name, text in files.items()}
+    files = {}
+    rows = []
+    for page in suite.pages:
+        files[f"{page.anchor}.md"] = visible(writer.page(page), ON_PAGES)
+        rows.append((escape(page.name), page.anchor, escape(page.capability), writer.prose(page.summary)))
+    index = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
+    files["index.md"] = visible(index, ON_PAGES)
+    return files
 
 
 def escape(text: str) -> str:
@@ -49,12 +53,17 @@ class MarkdownWriter:
 
     def page(self, page: Page) -> str:
         scene = self.suite.scenes.get(page.anchor)
+        picture = {"figure": "", "alt": "", "notes": ""}
+        if scene is not None:
+            notes = escape(" ".join(scene.notes))
+            picture = {"figure": f"figures/{page.anchor}.svg", "alt": escape(scene.alt), "notes": notes}
+        others = []
+        for other in self.suite.others(page):
+            others.append((f"figures/{other.anchor}.svg", escape(other.scene.alt), escape(other.caption)))
         return text_environment().get_template("task.md").render(
             name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
-            description=list(map(self.block, page.description)), sections=[self.section(s, page) for s in page.sections],
-            figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
-            notes=escape(" ".join(scene.notes)) if scene else "",
-            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
+            description=list(map(self.block, page.description)), others=others,
+            sections=[self.section(section, page) for section in page.sections], **picture,
         )  # fmt: skip
 
     def section(self, section: Section, page: Page) -> dict[str, object]:
@@ -66,13 +75,18 @@ class MarkdownWriter:
         cells = section.table
         if cells is None:
             return []
-        rows = [list(map(self.cell, row)) for row in cells.rows]
-        return [list(map(escape, cells.header)), *rows]
+        rows = [list(map(escape, cells.header))]
+        for row in cells.rows:
+            rows.append(list(map(self.cell, row)))
+        return rows
 
     def cell(self, content: p.Inlines) -> str:
         """Return prose without the bars that would end a cell."""
         spelled = {p.Formula: r"\vert ", p.CodeSpan: r"\|"}
-        return "".join(self.inline(piece).replace("|", spelled.get(type(piece), "|")) for piece in content)
+        text = ""
+        for piece in content:
+            text += self.inline(piece).replace("|", spelled.get(type(piece), "|"))
+        return text
 
     def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
@@ -99,14 +113,15 @@ class MarkdownWriter:
             case p.CodeSpan(text=text):
                 return _code(text)
             case p.Emph(inner=inner, strong=strong):
-                mark = "**" if strong else "*"
+                mark = "*" * (1 + strong)
                 return f"{mark}{self.prose(inner)}{mark}"
             case p.Link(address=address, inner=inner):
                 return f"[{self.prose(inner)}](<{quote(address, safe=':/?=&.,+-@!*;~%#')}>)"
             case p.Cite():
                 return self.cite(piece)
             case p.Mark(holds=holds, text=text):
-                return f"({'' if holds is None else '✓ ' if holds else '✗ '}{escape(text)})"
+                sign = {None: "", True: "✓ ", False: "✗ "}[holds]
+                return f"({sign}{escape(text)})"
             case _:
                 assert_never(piece)
 
@@ -124,7 +139,10 @@ class MarkdownWriter:
             case p.Paragraph(content=content):
                 return self.prose(content)
             case p.Bullets(items=items):
-                return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
+                lines = []
+                for item in items:
+                    lines.append("- " + " ".join(map(self.block, item)))
+                return "\n".join(lines)
             case _:
                 return "\n".join(f"    {row}" for row in block.text.splitlines())
 
@@ -136,7 +154,7 @@ def escape_entities(text: str) -> str:
 def _drawn(text: str) -> str:
     """Return lines as a block of code within the inner list of a page."""
     fence = "`" * max(3, _longest_ticks(text) + 1)
-    return "\n" + "".join(f"\n    {line}" for line in (f"{fence}text", *text.splitlines(), fence))
+    return "\n    ".join(("\n", f"{fence}text", *text.splitlines(), fence))
 
 
 def _code(text: str) -> str:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 from taskspec.language.task.merge import lineage
 from taskspec.show.bibliography import Reference
@@ -129,11 +130,9 @@ _MARKS = (
 def notation(pages: Iterable[Page]) -> Inlines:
     """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
     pages = tuple(pages)
-    formulas: list[m.Math] = []
-    marks = []
-    for page in pages:
-        formulas += _formulas(page)
-        marks += [piece.text for piece in _pieces(page) if isinstance(piece, Mark)]
+    pieces = list(chain.from_iterable(map(_pieces, pages)))
+    formulas = [piece.math for piece in pieces if isinstance(piece, Formula)]
+    marks = [piece.text for piece in pieces if isinstance(piece, Mark)]
     written = "\n".join(set(map(plain, formulas)))
     sentences = [_ALWAYS]
     for sign, text in _SIGNS:
@@ -143,9 +142,7 @@ def notation(pages: Iterable[Page]) -> Inlines:
     if any(map(_has_cases, formulas)):
         sentences.append(_CASES)
     if any(page.section("scores") for page in pages):
-        discounted = ""
-        if any(map(_is_discounted, pages)):
-            discounted = _DISCOUNTED
+        discounted = _DISCOUNTED if any(map(_is_discounted, pages)) else ""
         sentences.append(_RETURNS.format(discounted=discounted))
     for word, text in _MARKS:
         if any(mark.startswith(word) for mark in marks):
@@ -176,10 +173,8 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
 
 def _has_cases(tree: m.Math) -> bool:
     for part in m.parts(tree):
-        if isinstance(part, m.Cases):
-            conditions = [condition for _, condition in part.rows if IF in m.children(condition)]
-            if len(conditions) > 1:
-                return True
+        if isinstance(part, m.Cases) and sum(IF in m.children(condition) for _, condition in part.rows) > 1:
+            return True
     return False
 
 
@@ -192,7 +187,7 @@ def _pieces(page: Page) -> Iterator[Inline]:
         contents: list[Inlines] = []
         for line in section.lines:
             contents += [line.content, *line.values]
-        for row in section.table.rows if section.table else ():
-            contents += row
+        if section.table:
+            contents += chain.from_iterable(section.table.rows)
         for content in contents:
             yield from content

@@ -21,7 +21,7 @@ from taskspec.show.printers import plain
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.names import expression
 from taskspec.show.printers.rewrites import draws
-from taskspec.show.record import space_words
+from taskspec.show.record import constants, space_words
 from taskspec.show.terminal.styled_text import Columns, VisibleText
 
 if TYPE_CHECKING:
@@ -57,7 +57,9 @@ def _title(shown: Page, width: int) -> RenderableType:
     line = Table.grid(expand=True, padding=(0, 2, 0, 0))
     line.add_column(ratio=1)
     line.add_column(justify="right")
-    line.add_row(left, right if left.cell_len + right.cell_len + 2 <= width else "")
+    if left.cell_len + right.cell_len + 2 > width:
+        right = VisibleText()
+    line.add_row(left, right)
     return line
 
 
@@ -83,8 +85,7 @@ def _of_instance(task: Task, key: str) -> Iterator[VisibleText]:
         case "definitions":
             for name, value in task.spec.constants.items():
                 if name in task.constants and not isinstance(value, Mapping) and draws(expression(value)):
-                    drawn = task.constants[name]
-                    shown = visible(f"{name} = {drawn.tolist() if hasattr(drawn, 'tolist') else drawn}")
+                    shown = visible(f"{name} = {constants(task)[name]}")
                     yield VisibleText(f"here {shown[:LONGEST]}{' …' * (len(shown) > LONGEST)}", style="quiet")
         case "horizon" if isinstance(task.spec.horizon, str) and task.horizon is not None:
             yield VisibleText(f"here {task.horizon:,}", style="quiet")
@@ -97,12 +98,14 @@ def _line(line: SectionLine) -> Iterator[RenderableType]:
             for value, condition in rows:
                 cases.add_row(_formula(value), _formula(condition))
             table = Columns("", "", fold=(1,), gap=1)
-            table.add_row(_formula(m.Row(tuple(left))), Group(cases, *([_words(rest)] if rest else [])))
+            after = [_words(rest)] * bool(rest)
+            table.add_row(_formula(m.Row(tuple(left))), Group(cases, *after))
             yield table
         case content:
             yield _words(content)
     if line.verbatim is not None:
-        yield Padding(VisibleText("\n".join(visible(row, keep="") for row in line.verbatim.splitlines())), (0, 0, 0, 2))
+        drawn = [visible(row, keep="") for row in line.verbatim.splitlines()]
+        yield Padding(VisibleText("\n".join(drawn)), (0, 0, 0, 2))
 
 
 def _words(content: Iterable[p.Inline]) -> VisibleText:
@@ -118,7 +121,7 @@ def _words(content: Iterable[p.Inline]) -> VisibleText:
             case p.Emph(inner=inner) | p.Link(inner=inner):
                 text.append_text(_words(inner))
             case p.Cite(key=key, where=where):
-                text.append(visible(f"{key}, {where}" if where else key))
+                text.append(visible(", ".join(filter(None, (key, where)))))
             case p.Mark(text=words):
                 text.append(f"({words})", "quiet")
             case _:
