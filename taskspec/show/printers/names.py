@@ -156,8 +156,8 @@ def of_task(task: Task) -> Notation:
         first = _first_length(entry)
         if first is not None:
             lengths[name] = expression(first)
-    for name, entry in spec.parameters.entries.items():
-        symbols[name] = symbol(name, entry.symbol)
+    for name, parameter in spec.parameters.entries.items():
+        symbols[name] = symbol(name, parameter.symbol)
     axes = dict.fromkeys((*all_names(task.parameters), "t", "T"), 0)
     for name, value in task.source.constants.items():
         axes[name] = len(value.type.shape)
