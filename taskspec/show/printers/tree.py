@@ -221,13 +221,9 @@ def width(node: Math) -> float:  # noqa: C901
         case Ident(text=text) | Num(text=text) | Words(text=text):
             return 0.9 * len(text)
         case Sym(text=text):
-            if text in ",;()[]{}|‖'":
-                return 0.6
-            return 2.0
-        case Gap(width="thin"):
-            return 0.4
-        case Gap():
-            return 2.0
+            return 0.6 if text in ",;()[]{}|‖'" else 2.0
+        case Gap(width=gap):
+            return 0.4 if gap == "thin" else 2.0
         case Frac(top=top, bottom=bottom):
             return max(width(top), width(bottom)) * 0.8
         case Script(base=base, sub=sub, sup=sup, primes=primes):
