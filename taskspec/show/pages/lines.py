@@ -184,7 +184,7 @@ def observations(w: Writing) -> Iterator[Inlines]:
     others: list[Inlines] = []
     for name, expr in exprs.items():
         if not (isinstance(expr, s.Name) and expr.id == name and not expr.primed):
-            others.append((Formula(w.equation(w.symbol(name), expr)),))
+            others.append(_observed(w, name, expr))
         elif name in w.spec.state:
             of_state.append((formula(w.symbol(name)),))
         elif name == "t":
@@ -201,6 +201,13 @@ def observations(w: Writing) -> Iterator[Inlines]:
         elif names:
             yield (*names[0], Text(one))
     yield from others
+
+
+def _observed(w: Writing, name: str, expr: s.Expr) -> Inlines:
+    equation = Formula(w.equation(w.symbol(name), expr))
+    if name in w.spec.state:  # on the right it is the component of the state
+        return Text("observed "), equation
+    return (equation,)
 
 
 def horizon(w: Writing) -> Iterator[Inlines]:

@@ -16,7 +16,7 @@ from taskspec.show.printers import idioms
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.names import Notation, Writer, label
 from taskspec.show.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
-from taskspec.show.printers.rewrites import is_vector, pointwise
+from taskspec.show.printers.rewrites import from_start, is_vector, pointwise
 from taskspec.show.printers.tex import read
 from taskspec.show.printers.text import text
 
@@ -181,27 +181,34 @@ class ExpressionWriter(Writer):
         if isinstance(expr.value, s.Name) and expr.value.id in self.notation.singles:
             return self.piece(expr.value)
         (tree,) = operands("subscript", [self.number(expr.value)])
-        below = m.joined(map(self._index, expr.indices))
+        below = m.joined(self._index(expr.value, axis, index) for axis, index in enumerate(expr.indices))
         if isinstance(tree, m.Script):
             is_part = isinstance(expr.value, s.Subscript) and s.Slice in map(type, expr.value.indices)
             if tree.sup is not None or (tree.sub is not None and is_part):
                 tree = m.brackets(tree)
         return Piece(indexed(tree, below))
 
-    def _index(self, index: s.Expr | s.Slice) -> m.Math:
+    def _index(self, vector: s.Expr, axis: int, index: s.Expr | s.Slice) -> m.Math:
+        """Print an index, or all indices of a slice: its end is left out, and mathematics counts to the last one."""
         if not isinstance(index, s.Slice):
-            return self.number(index).tree
-        parts: list[m.Math] = []
-        if index.start is not None:
-            parts.append(self.number(index.start).tree)
-        elif index.stop is not None and index.step is None:  # an end without a beginning could be misread
-            parts.append(m.Num("0"))
-        parts.append(m.Sym(":"))
-        if index.stop is not None:
-            parts.append(self.number(index.stop).tree)
+            return self.number(from_start(self, vector, axis, index)).tree
         if index.step is not None:
-            parts += [m.Sym(":"), self.number(index.step).tree]
-        return m.Row(tuple(parts))
+            return self._steps(index)
+        start = from_start(self, vector, axis, index.start or s.Number(0, "0", index.place))
+        if index.stop is not None:
+            last = idioms.less_one(self, from_start(self, vector, axis, index.stop))
+            return idioms.interval(self.number(start).tree, last)
+        if index.start is not None:
+            return m.Row((self.number(start).tree, m.Sym(":")))
+        return m.Sym(":")
+
+    def _steps(self, index: s.Slice) -> m.Math:
+        parts: list[m.Math] = []
+        for part in (index.start, index.stop, index.step):
+            if part is not None:
+                parts.append(self.number(part).tree)
+            parts.append(m.Sym(":"))
+        return m.Row(tuple(parts[:-1]))
 
     def _vector(self, expr: s.Vector) -> Piece:
         if len(expr.items) == 1 and not isinstance(expr.items[0], s.Vector):

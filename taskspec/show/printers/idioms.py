@@ -13,7 +13,7 @@ from taskspec.language.expressions.operators.entry import Level
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.names import Writer
 from taskspec.show.printers.pieces import Piece, applied, fill, operands
-from taskspec.show.printers.rewrites import element, indices, pointwise, rank, under
+from taskspec.show.printers.rewrites import element, from_start, indices, pointwise, rank, under
 from taskspec.show.printers.text import text
 
 Keys = tuple[s.Expr | None, ...]
@@ -225,11 +225,10 @@ def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | No
     end = part.stop or w.notation.lengths.get(name.id)
     if end is None or rank(w, name) != 1:
         return None
-    (index,) = indices(w, s.Vector((name, end, part.start or end), name.place))
-    first: m.Math = m.Num("0")
-    if part.start is not None:
-        first = w.number(part.start).tree
-    low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
+    start = from_start(w, name, 0, part.start or s.Number(0, "0", part.place))
+    end = from_start(w, name, 0, end)
+    (index,) = indices(w, s.Vector((name, end, start), name.place))
+    low = m.Row((w.notation.symbol(index.id), m.Sym("="), w.number(start).tree))
     return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), name.place)))
 
 
@@ -307,9 +306,9 @@ def less_one(w: Writer, n: s.Expr) -> m.Math:
             return m.Num(str(value - 1))
         case s.Binary(op="+", left=left, right=s.Number(value=1)):
             return w.number(left).tree
-        case s.Binary(op="-", right=s.Number(value=int(value)) as right):
-            more = replace(right, value=value + 1, text=str(value + 1))
-            return w.number(replace(n, right=more)).tree
+        case s.Binary(op="+" | "-" as sign, right=s.Number(value=int(value)) as right) if value:
+            value += {"+": -1, "-": 1}[sign]
+            return w.number(replace(n, right=replace(right, value=value, text=str(value)))).tree
         case _:
             one = s.Number(1, "1", n.place)
             return w.number(s.Binary("-", n, one, n.place)).tree

@@ -94,6 +94,24 @@ def _compute(op: str, a: int, b: int) -> int | None:
     return int(_EXACT[op](a, b))
 
 
+def from_start(w: Writer, vector: s.Expr, axis: int, index: s.Expr) -> s.Expr:
+    """Count an index from the start of its axis: `x[-1]` is element `len(x) - 1`."""
+    match index:
+        case s.Unary(op="-", operand=s.Number() as back):
+            return _fold(s.Binary("-", _length(w, vector, axis), back, index.place))
+        case _:
+            return index
+
+
+def _length(w: Writer, vector: s.Expr, axis: int) -> s.Expr:
+    if axis == 0 and isinstance(vector, s.Name) and vector.id in w.notation.lengths:
+        return w.notation.lengths[vector.id]
+    first = s.Number(0, "0", vector.place)
+    for _ in range(axis):
+        vector = s.Subscript(vector, (first,), vector.place)
+    return s.Call("len", (vector,), (), vector.place, vector.place)
+
+
 @dataclass(frozen=True, slots=True)
 class Drawn:
     """An expression whose draws have names, in a comprehension with an index, and each name with its distribution."""

@@ -209,7 +209,11 @@ def test_observations_name_what_is_defined_and_what_is_of_the_state(tmp_path: Pa
     observed = found.section("observations")
     state = found.section("state")
     assert observed is not None and state is not None
-    assert [words(line.content) for line in observed.lines[1:]] == ["q is that of the state", "best is defined below"]
+    assert [words(line.content) for line in observed.lines[1:]] == [
+        "q is that of the state",
+        "best is defined below",
+        "observed x = reverse(x)",
+    ]
     assert [words(line.content) for line in state.lines[1:]] == ["x ∈ {0, 1, 2, 3}³", "q ∈ {0, 1, 2}: which"]
 
 
@@ -224,7 +228,7 @@ action:
 horizon: 5
 definitions:
   best: argmax(x)
-observation: {best: best, q: q}
+observation: {best: best, q: q, x: reverse(x)}
 initial: {x: "UniformInt(0, 3, shape=3)", q: 0}
 dynamics:
   q': a

@@ -94,8 +94,8 @@ class Meaning:
         if not isinstance(expr, s.Slice):
             return self.of(expr)
         start, stop, step = (None if x is None else self.of(x) for x in (expr.start, expr.stop, expr.step))
-        if start is None and stop is not None and step is None:
-            start = self.of(s.Number(0, "0", expr.place))
+        if stop is not None and step is None:
+            return al.integers(0 if start is None else start, al.subtract(stop, 1))
         return (start, stop) if step is None else (start, stop, step)
 
     # -- functions ------------------------------------------------------------------------------------------------

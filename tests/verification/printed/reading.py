@@ -282,6 +282,8 @@ class Reader:
         return found if seen.sup is None else al.power(found, self.sub(seen.sup))
 
     def index(self, line: Line) -> Any:
+        if len(line) == 1 and isinstance(line[0], Fence) and line[0].left == "{":
+            return self.elements(line[0].body)
         parts = split(line, ":")
         if len(parts) == 1:
             return self.sub(line)
