@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,9 +61,16 @@ def _print_score(task: Task, result: Score) -> None:
     from taskspec.cli.solution_text import print_discount
 
     out = console()
-    low, high = result.interval()
-    interval = f"   95 % confidence: {decimal(low)} to {decimal(high)}"
-    out.print(line((task.id, "name"), "  score ", (decimal(result.normalised), "title"), (interval, "quiet")))
+    if isnan(result.normalised):
+        score = "unknown"
+        beside = "   neither the expert's return nor the optimal one is known"
+        if result.scores.expert or result.scores.optimal:
+            beside = "   random actions are as good as the best return that is known"
+    else:
+        score = decimal(result.normalised)
+        low, high = result.interval()
+        beside = f"   95 % confidence: {decimal(low)} to {decimal(high)}"
+    out.print(line((task.id, "name"), "  score ", (score, "title"), (beside, "quiet")))
     known = []
     for name in ("random", "expert", "optimal"):
         value = getattr(result.scores, name)

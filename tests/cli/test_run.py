@@ -181,7 +181,35 @@ def test_score_of_a_run_with_kept_scores(tmp_path: Path) -> None:
     assert Done("score", "RiskyPath", returns, "--scores", kept, "--json").data["score"] == pytest.approx(1)
     assert "score 1" in Done("score", "RiskyPath", returns).out
     stale = Done("score", "RiskyPathSeals", returns, "--scores", kept)
-    assert (stale.status, "the task has changed" in stale.err) == (1, True)
+    assert (stale.status, "scores of derail/RiskyPath-v0, not of" in " ".join(stale.err.split())) == (1, True)
+    edited = Done("score", "RiskyPath", returns, "--scores", kept, "-m", "sticky=0.5")
+    assert (edited.status, "the task has changed" in edited.err) == (1, True)
+
+
+def test_where_nothing_can_be_compared_the_score_is_unknown(tmp_path: Path) -> None:
+    returns = tmp_path / "returns.csv"
+    returns.write_text("1.5\n2.5\n")
+    for action, reason in (
+        ("real, low: 0, high: 1", "neither the expert's return nor"),
+        ("bool", "random actions are as good as"),
+    ):
+        path = tmp_path / f"{action[:4]}.yaml"
+        path.write_text(NO_EXPERT.replace("TYPE", action))
+        shown = " ".join(Done("score", path, returns).out.split())
+        assert f"score unknown {reason}" in shown
+        assert "nan" not in shown
+
+
+NO_EXPERT = """
+taskspec: 1
+name: Even
+state: {s: {type: int, low: 0, high: 1}}
+action: {a: {type: TYPE}}
+horizon: 2
+initial: {s: 0}
+dynamics: {s': s}
+reward: 1
+"""
 
 
 @pytest.mark.parametrize("text", ["1.5\n2.5\n", "return\n1.5\n2.5\n", '#{"t": 0}\nr,l,t\n1.5,5,0.1\n2.5,5,0.2\n'])

@@ -214,7 +214,10 @@ def _check_finite(steps: Steps) -> None:
     task = steps.task
     for c in (*task.state, *task.action):
         if not c.is_finite:
-            refuse(f"'{c.name}' has infinitely many values", "give it bounds, or the spec an `abstraction`")
+            hint = "give the spec an `abstraction`"
+            if c.type.kind is Kind.INT:
+                hint = "give it bounds, or the spec an `abstraction`"
+            refuse(f"'{c.name}' has infinitely many values", hint)
     most = limits().outcomes
     if steps.branching > most:
         for draw in steps.draws:

@@ -104,7 +104,7 @@ class Scores:
 
         Raises:
             SpecError: E710, E711 if there is no such file, or it cannot be read; E713 if it contains no scores.
-            StaleScores: if they belong to another version of the task.
+            StaleScores: if they belong to another task, or another version of it.
         """
         task = load(task)
         try:
@@ -118,7 +118,9 @@ class Scores:
             misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")
         except (OSError, ValueError) as error:
             raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error}")]) from None
-        if scores.content_hash != task.content_hash or scores.id != task.id:
+        if scores.id != task.id:
+            raise StaleScores(f"E714: {path} holds scores of {scores.id}, not of {task.id}")
+        if scores.content_hash != task.content_hash:
             raise StaleScores(f"E714: {path} holds scores of {scores.id} as it was; the task has changed since")
         return scores
 
@@ -130,7 +132,7 @@ def _return_record(value: Return | None) -> dict[str, Any] | None:
 
 
 class StaleScores(TaskspecError, ValueError):
-    """Scores in a file belong to another version of the task (E714)."""
+    """Scores in a file belong to another task, or another version of it (E714)."""
 
 
 def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
