@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, records
-from taskspec.base.display import plural
+from taskspec.base.display import listed, plural
 from taskspec.language.source import Kind
 from taskspec.programs.agreement import EVERY
 from taskspec.show.terminal.styled_text import Columns, VisibleText, console, line
@@ -159,9 +159,7 @@ def _subjects(reports: Sequence[FileReport]) -> str:
     for kind, noun in NOUNS.items():
         if kinds[kind]:
             subjects.append(plural(kinds[kind], noun))
-    if len(subjects) == 1:
-        return subjects[0]
-    return f"{', '.join(subjects[:-1])} and {subjects[-1]}"
+    return listed(subjects)
 
 
 def _untried(tasks: Sequence[Checked]) -> dict[str, int]:

@@ -32,11 +32,7 @@ Tasks = Annotated[
 Seeds = Annotated[int | None, Option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
 Steps = Annotated[
     str | None,
-    Option(
-        "--steps",
-        metavar="N",
-        help="Environment steps of each training run; 500k unless given, 10k on probes.",
-    ),
+    Option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
 ]
 Transitions = Annotated[
     str | None, Option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")

@@ -15,8 +15,7 @@ from taskspec.cli.console import say
 
 def studio(
     target: Annotated[
-        Path,
-        Argument(metavar="FILE|FOLDER", help="A spec, or a folder of specs.", autocompletion=complete_paths),
+        Path, Argument(metavar="FILE|FOLDER", help="A spec, or a folder of specs.", autocompletion=complete_paths)
     ] = Path(),
     port: Annotated[int, Option("--port", min=0, max=65535, help="The port; 0 takes one that is free.")] = 0,
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open the page in the browser.")] = True,

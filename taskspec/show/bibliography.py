@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from taskspec.base.diagnostics import Collector, Diagnostic, suggest
+from taskspec.base.display import listed
 from taskspec.language.task.merge import merge
 from taskspec.language.task.task import Task
 
@@ -43,9 +44,7 @@ class Reference:
                 names.append(person.rsplit(" ", 1)[-1])
         if len(names) > 4:
             return f"{names[0]} et al."
-        if len(names) > 1:
-            return f"{', '.join(names[:-1])} and {names[-1]}"
-        return "".join(names)
+        return listed(names or [""])
 
     @property
     def venue(self) -> str:
@@ -55,8 +54,10 @@ class Reference:
         return ""
 
     def bibtex(self) -> str:
-        inner = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())
-        return f"@{self.kind}{{{self.key},\n{inner}}}\n"
+        lines = [f"@{self.kind}{{{self.key},"]
+        for name, value in self.fields.items():
+            lines.append(f"  {name} = {{{value}}},")
+        return "\n".join((*lines, "}", ""))
 
 
 @lru_cache(maxsize=16)
@@ -86,9 +87,7 @@ def _fields(text: str, at: int) -> Iterator[tuple[str, str]]:
             at = text.find('"', start + 1) + 1 or len(text)
         else:
             bare = _BARE.match(text, start)
-            at = start
-            if bare:
-                at = bare.end()
+            at = bare.end() if bare else start
         value = text[start:at]
         if opening in ("{", '"'):
             value = value[1:-1]

@@ -65,7 +65,7 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
         drawn = not_drawn(task, FIGURE_KINDS[task.annotations.figure.kind].needs)
     if drawn is None:
         return None
-    return _with_lines(drawn, list(_legend(task, drawn, over)))
+    return _with_lines(drawn, [line for _, _, line in _each_part(task, over)])
 
 
 def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
@@ -74,8 +74,7 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
     The model of the task is worked out if it is not given.
     """
     task = load(task)
-    bare = _drawn(task, Overlay())
-    if bare is None or task.modifiers or task.spec.abstraction is not None:
+    if task.modifiers or task.spec.abstraction is not None or _drawn(task, Overlay()) is None:
         return {}
     wanted: list[tuple[str, ...]] = [PARTS]
     if isinstance(task.annotations.expert, tuple):
@@ -86,12 +85,10 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
             over = overlay(task, names, model)
         except SpecError:
             return {}
-        for part in PARTS:
-            drawn = _drawn(task, over.only(part))
-            if part in over.legend and drawn is not None and not drawn.shows(bare):
-                scale, what = over.legend[part]
+        for part, drawn, line in _each_part(task, over):
+            if drawn is not None:
                 name = "expert" if names == ("expert",) else part
-                scenes[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
+                scenes[name] = _with_lines(drawn, [line])
     return scenes
 
 
@@ -105,19 +102,17 @@ def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
     return drawn.extended(words, "; ".join((drawn.alt, *lines)))
 
 
-def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
-    """Yield a line for each overlay: how it is drawn, or that it is not."""
+def _each_part(task: Task, over: Overlay) -> Iterator[tuple[str, Scene | None, str]]:
+    """Yield each part of an overlay: its name, the figure with it alone if that shows it, and its line of the legend."""
     if not over.legend:
         return
     bare = _drawn(task, over.only())
     for part, (scale, what) in over.legend.items():
-        with_part = None
-        if part in PARTS:
-            with_part = _drawn(task, over.only(part))
-        if with_part is not None and not with_part.shows(bare):
-            yield f"{with_part.drawn[part].format(scale)}: {what}"
+        drawn = _drawn(task, over.only(part)) if part in PARTS else None
+        if drawn is None or drawn.shows(bare):
+            yield part, None, f"not drawn: {what}"
         else:
-            yield f"not drawn: {what}"
+            yield part, drawn, f"{drawn.drawn[part].format(scale)}: {what}"
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:

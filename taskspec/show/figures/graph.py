@@ -23,6 +23,7 @@ MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too t
 WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
 STRETCH = 1.4  # of distances, where there is no room for labels at the usual ones
 RIM = 0.07
+CHANCE = (0.12, 0.12)  # half the sides of a chance vertex
 BELOW_SIGN = 0.06  # how far the name of a state is moved down for the sign above it
 DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
@@ -213,7 +214,7 @@ def _options(arcs: Sequence[Arc], spots: Mapping[Vertex, Spot]) -> list[list[sc.
             options.append(loops(a))
         else:
             both = (arc.target, arc.source) in pairs
-            options.append(ways(a, b, both, not _is_chance(arc.target)))
+            options.append(ways(a, b, both, isinstance(arc.target, int)))
     return options
 
 
@@ -226,10 +227,8 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     widths = dict(request.widths)
     sizes = {}
     for v in drawing.vertices:
-        sizes[v] = (0.26, 0.26)
-        if _is_chance(v):
-            sizes[v] = (0.12, 0.12)
-        elif isinstance(v, int):
+        sizes[v] = CHANCE
+        if isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     widest, _ = max(sizes.values())
     step = max(DX, _longest(request) + 2 * widest + 0.35) * request.stretch
@@ -268,10 +267,6 @@ def _longest(request: _Request) -> float:
         if arc.source != arc.target and text:
             longest = max(longest, sc.text_width(text, ARROW))
     return longest
-
-
-def _is_chance(v: Vertex) -> bool:
-    return isinstance(v, tuple) and v[0] == "chance"
 
 
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:

@@ -125,9 +125,7 @@ def _paint(item: Circle | Box) -> dict[str, Any]:
     face = "none"
     if item.fill is not None:
         face = colors.to_rgba(COLORS[item.fill], item.shade)
-    edge = "none"
-    if item.line is not None:
-        edge = COLORS[item.line]
+    edge = COLORS[item.line] if item.line is not None else "none"
     return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
 
 

@@ -58,9 +58,7 @@ class Film:
         """Add the state of the environment; the last state of an episode stays for a second."""
         horizon = env.task.horizon  # progress without one: which episode is shown
         self._begun += env.time == 0
-        part = 0.0
-        if horizon is not None:
-            part = env.time / horizon
+        part = env.time / horizon if horizon is not None else 0.0
         what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
         tell(what, (self._begun - 1 + part) / self._episodes)
         fps = env.metadata["render_fps"]

@@ -58,9 +58,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         episodes = [episode_path(task, seed=seed) for seed in range(SEEDS)]
         path, whose = max(episodes, key=lambda each: len(each[0]))
     steps = len(path) - 1
-    numbers = []
-    if steps > 0:
-        numbers = _measured(task, path)
+    numbers = _measured(task, path) if steps > 0 else []
     if task.annotations.figure is None:
         numbers = [x for x in numbers if len(set(x.values)) > 1]
     if not _is_finite(numbers):
@@ -169,9 +167,7 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
         names = of_task(task)
         for c in filter(_is_followed, task.state):
             rows = np.array([state[c.name] for state in path], dtype=float).reshape(len(path), -1)
-            around = math.inf
-            if c.type.is_scalar:
-                around = period(task, c.value)
+            around = period(task, c.value) if c.type.is_scalar else math.inf
             for i in range(c.type.size):
                 symbol = names.symbol(c.name)
                 if not c.type.is_scalar:

@@ -193,9 +193,7 @@ def state_table(task: Task, state: State) -> Scene:
         shown = list(map(value_words, flat[:ELEMENTS]))
         if len(flat) > ELEMENTS:
             shown.append("…")
-        word = shown[0]
-        if c.type.shape:
-            word = f"({', '.join(shown)})"
+        word = f"({', '.join(shown)})" if c.type.shape else shown[0]
         text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(word)))
         items.append(Label((0.0, 0.55 * i), text, anchor="start"))
     return fitted(items, f"A state of {task.name}", margin=0.3)

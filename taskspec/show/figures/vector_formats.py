@@ -50,9 +50,7 @@ def svg_item(item: sc.Item) -> str:
         case sc.Circle(centre=(x, y), radius=r):
             return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
         case sc.Box(corner=(x, y), width=w, height=h, round=corner):
-            rounded = ""
-            if corner:
-                rounded = f' rx="{_px(corner)}"'
+            rounded = f' rx="{_px(corner)}"' if corner else ""
             place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
             return f"<rect {place}{rounded}{_svg_paint(item)}/>"
         case sc.Line():

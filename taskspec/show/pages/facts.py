@@ -93,9 +93,7 @@ def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
         stated = [next(waiting) for _ in claim.cases or ({},)]
         worst = max(stated, key=lambda verdict: order.index(verdict.status))
         shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in stated))
-        holds = None
-        if worst.status != "undecided":
-            holds = bool(worst.holds)
+        holds = bool(worst.holds) if worst.status != "undecided" else None
         yield Mark(holds, shown)
 
 
@@ -115,21 +113,18 @@ MOST_COLUMNS = 4
 
 def table(settings: Sequence[Setting]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
-    columns = [dict(_scores(each.task, each.facts)) for each in settings]
-    names: dict[str, None] = {}
-    for scores in columns:
-        names |= dict.fromkeys(scores)
-    titles = [""]
-    if len(settings) > 1:
-        titles = [each.title for each in settings]
-    rows: list[tuple[Inlines, ...]] = []
+    titles = []
+    by_name: dict[str, list[Inlines]] = {}
+    for i, each in enumerate(settings):
+        titles.append(each.title if len(settings) > 1 else "")
+        for name, score in _scores(each.task, each.facts):
+            by_name.setdefault(name, [()] * len(settings))[i] = score
+    header = titles
+    rows = [((Text(name),), *cells) for name, cells in by_name.items()]
     if len(settings) > MOST_COLUMNS:
-        for title, scores in zip(titles, columns, strict=True):
-            rows.append(((Text(title),), *(scores.get(name, ()) for name in names)))
-        return CellTable(("", *names), tuple(rows))
-    for name in names:
-        rows.append(((Text(name),), *(scores.get(name, ()) for scores in columns)))
-    return CellTable(("", *titles), tuple(rows))
+        header = list(by_name)
+        rows = [((Text(title),), *cells) for title, *cells in zip(titles, *by_name.values(), strict=True)]
+    return CellTable(("", *header), tuple(rows))
 
 
 def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:

@@ -172,9 +172,7 @@ def formula(math: m.Math, display: bool = False) -> Markup:
 
 
 def _by_cases(left: list[m.Math], cases: m.Cases) -> Markup:
-    before = Markup("")
-    if left:
-        before = formula(m.row(*left))
+    before = formula(m.row(*left)) if left else Markup("")
     cells = Markup("")
     for cell in chain.from_iterable(cases.rows):
         cells += Markup("<span>{}</span>").format(formula(cell))

@@ -13,7 +13,7 @@ from taskspec.language.task.parts import Component, Soft
 from taskspec.language.task.questions import argument_axes
 from taskspec.language.task.schema.typed import ComponentEntry
 from taskspec.show.pages.equations import Writing, unchanged
-from taskspec.show.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
+from taskspec.show.pages.prose import CodeSpan, Formula, Inlines, Text, followed, inlines, listing, separated
 from taskspec.show.printers import idioms
 from taskspec.show.printers import tree as m
 from taskspec.show.printers.expressions import ExpressionWriter
@@ -39,12 +39,10 @@ def formula(*items: m.Math) -> Formula:
 def parameters(w: Writing) -> Iterator[Inlines]:
     """Yield `L = 10`, its description and its range, for each parameter."""
     for p in w.task.parameters:
-        content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
+        content: Inlines = (formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value))),)
         if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
-            content += [Text(" ("), CodeSpan(p.name), Text(")")]
-        if p.doc:
-            content += [Text(", "), *inlines(p.doc)]
-        yield (*content, *_range(w, p.name))
+            content += (Text(" ("), CodeSpan(p.name), Text(")"))
+        yield (*followed(content, ", ", p.doc), *_range(w, p.name))
 
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
@@ -301,10 +299,8 @@ def rewards(w: Writing) -> Iterator[Inlines]:
     yield (_of_step(w, m.Ident("R"), w.parsed("reward")),)
     for name, expr in (w.parsed("measures") or {}).items():
         entry = w.spec.measures[name]
-        said: Inlines = ()
-        if isinstance(entry, Mapping) and entry.get("doc"):
-            said = (Text(", "), *inlines(entry["doc"]))
-        yield (Text("measure "), _of_step(w, w.symbol(name), expr), *said)
+        doc = entry.get("doc") if isinstance(entry, Mapping) else None
+        yield followed((Text("measure "), _of_step(w, w.symbol(name), expr)), ", ", doc)
 
 
 def _of_step(w: Writing, left: m.Math, expr: s.Expr) -> Formula:
@@ -364,11 +360,9 @@ def _remembered(w: Writing, c: Component) -> Inlines:
     memory = w.parsed("memory")
     symbol = w.symbol(c.name)
     later = w.symbol(c.name, primed=True)
-    said: Inlines = ()
-    if c.doc:
-        said = (Text(", "), *inlines(c.doc))
+    declared = formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name]))
     return (
-        Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])), *said,
+        *followed((Text("remembers "), declared), ", ", c.doc),
         Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)),
         Text("; after a step "), Formula(w.equation(later, memory[f"{c.name}'"], c.name)),
     )  # fmt: skip

@@ -127,9 +127,7 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
         at = load(task, **values)
         if at.values not in shown:
             shown.append(at.values)
-            facts = Facts()
-            if known:
-                facts = gather(at)
+            facts = gather(at) if known else Facts()
             yield Setting(_title(at, values), at, facts)
 
 

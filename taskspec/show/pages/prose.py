@@ -211,6 +211,12 @@ def separated(items: Sequence[Inlines], mark: str = ", ", last: str | None = Non
     return tuple(out)
 
 
+def followed(content: Inlines, mark: str, doc: str | None) -> Inlines:
+    """Return prose and after a mark what an author says of it, if that is anything."""
+    said = inlines(doc)
+    return (*content, Text(mark), *said) if said else content
+
+
 def listing(items: Sequence[Inlines]) -> Inlines:
     """Return items as a sentence lists them: a, b and c."""
     return _merge(iter(separated(items, last=" and ")))

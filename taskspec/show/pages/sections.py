@@ -199,9 +199,7 @@ def abstraction(w: Writing) -> Iterator[p.Inlines]:
     for c in stand_in.state:
         equation = w.equation(own.symbol(c.name), exprs[c.name])
         content: p.Inlines = (formula(equation, m.Sym("∈"), own.domain(c.name, written.state[c.name])),)
-        if c.doc:
-            content += (p.Text(": "), *p.inlines(c.doc))
-        yield content
+        yield p.followed(content, ": ", c.doc)
     for section, title, make in _OWN:
         if getattr(written, section) is not None:
             for line in make(own):
@@ -421,6 +419,4 @@ def _errata(w: Writing) -> Iterator[p.Inlines]:
         if not source.endswith((".", "!", "?")):
             source += "."
         content: p.Inlines = (*p.inlines(source[:1].upper() + source[1:]), p.Text(" Here: "), *p.inlines(entry.here))
-        if entry.because:
-            content += (p.Text(", because "), *p.inlines(entry.because))
-        yield (*content, p.Text("."))
+        yield (*p.followed(content, ", because ", entry.because), p.Text("."))

@@ -249,9 +249,7 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Arrow(over=over):
             return f'<mover><mo stretchy="false">⟶</mo><mrow>{_EN}{_element(over)}{_EN}</mrow></mover>'
         case m.Big(symbol=symbol, sub=sub, sup=sup):
-            above = None
-            if sup is not None:
-                above = _element(sup)
+            above = _element(sup) if sup is not None else None
             return _scripted("under", "over", f"<mo>{html.escape(symbol)}</mo>", sub, above)
         case m.Hole(name=name):
             return f"<mtext>{html.escape(name)}</mtext>"
@@ -297,9 +295,7 @@ def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
 def _primed(base: m.Math, sub: m.Math | None, sup: m.Math | None, primes: int) -> str:
     """Set scripts and primes; a prime without an index stands beside the base, as the sign is as high as a superscript."""
     inner = _element(base)
-    above = None
-    if sup is not None:
-        above = _element(sup)
+    above = _element(sup) if sup is not None else None
     if primes:
         marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
         if sub is None or above is not None:

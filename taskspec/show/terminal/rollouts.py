@@ -75,9 +75,7 @@ _RUNNING = np.ones(1, np.bool_)
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
         observations = map_parts(lambda part: np.asarray(part)[None], observation)
-        states = {}
-        if env.task.mask:
-            states = _states(env)
+        states = _states(env) if env.task.mask else {}
         batch = EpisodeBatch(env.time, states, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 

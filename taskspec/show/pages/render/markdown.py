@@ -127,9 +127,7 @@ class MarkdownWriter:
 
     def cite(self, cite: p.Cite) -> str:
         number = self.suite.cited.get(cite.key)
-        where = ""
-        if cite.where:
-            where = f", {escape(cite.where)}"
+        where = f", {escape(cite.where)}" if cite.where else ""
         if number is None:
             return escape(cite.key) + where
         return f"{escape(number.authors)} ({escape(number.plain('year'))}). {escape(number.plain('title'))}{where}"

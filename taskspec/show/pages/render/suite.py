@@ -152,8 +152,7 @@ def notation(pages: Iterable[Page]) -> Inlines:
 
 def _is_discounted(page: Page) -> bool:
     """Test whether rewards are discounted, at the page's own values of the parameters or at others beside them."""
-    discounts = [page.task.discount, *(setting.task.discount for setting in page.settings)]
-    return any(discount != 1 for discount in discounts)
+    return page.task.discount != 1 or any(setting.task.discount != 1 for setting in page.settings)
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
@@ -161,8 +160,9 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
     for page in pages:
         writing = Writing(page.task, {})
         letter = writing.notation.symbol(writing.drawn)
-        if any(letter in m.parts(formula) for formula in _formulas(page)):
-            letters[writing.drawn] = letter
+        for piece in _pieces(page):
+            if isinstance(piece, Formula) and letter in m.parts(piece.math):
+                letters[writing.drawn] = letter
     if letters:
         usual, *others = [f"${latex(letters[name])}$" for name in LETTERS if name in letters]
         instead = ""
@@ -176,10 +176,6 @@ def _has_cases(tree: m.Math) -> bool:
         if isinstance(part, m.Cases) and sum(IF in m.children(condition) for _, condition in part.rows) > 1:
             return True
     return False
-
-
-def _formulas(page: Page) -> list[m.Math]:
-    return [piece.math for piece in _pieces(page) if isinstance(piece, Formula)]
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
