@@ -100,16 +100,19 @@ def size(task: Task | Outline) -> str:
 
 
 def _extent(components: Sequence[Component]) -> str:
-    finite = count([c for c in components if c.is_finite])
-    assert finite is not None
+    finite = 1
     sets: dict[Kind, int] = {}
     for c in components:
-        if not c.is_finite:
+        if c.is_finite:
+            finite *= math.prod(c.counts)
+        else:
             sets[c.type.kind] = sets.get(c.type.kind, 0) + c.type.size
-    parts = []
+    words = []
+    if finite > 1 or not sets:
+        words.append(short(finite))
     for kind, n in sets.items():
-        parts.append(f"{_SETS[kind]}{'' if n == 1 else str(n).translate(_RAISED)}")
-    return " ".join([*([short(finite)] if finite > 1 or not parts else []), *parts])
+        words.append(_SETS[kind] + str(n).translate(_RAISED) * (n > 1))
+    return " ".join(words)
 
 
 def short(n: int) -> str:
@@ -239,8 +242,10 @@ def _end(value: float) -> str:
 
 def settings(task: Task | Outline) -> str:
     """Write the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
-    values = " ".join(f"{p.name}={setting(p.value)}" for p in task.parameters)
-    return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])
+    words = [f"{p.name}={setting(p.value)}" for p in task.parameters]
+    for modifier in task.modifiers:
+        words.append(f"+ {modifier}")
+    return " ".join(words)
 
 
 class AboutSuite(NamedTuple):

@@ -77,8 +77,8 @@ def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
         items = [*_bars(first, _bound(node)), *_bar_sums(first)]
         return sc.fitted(items, alt)
     if len(rows) > 1 and first.values.any():
-        below = [sc.shifted(item, 0.0, BELOW) for item in _bars(last)]
-        return sc.fitted([*_bars(first), *below], alt, (f"Above a first state, below the one {after}.",))
+        items = [*_bars(first), *sc.moved(_bars(last), 0.0, BELOW)]
+        return sc.fitted(items, alt, (f"Above a first state, below the one {after}.",))
     notes: tuple[str, ...] = ()
     if len(rows) > 1:
         notes = (f"The state {after}.",)

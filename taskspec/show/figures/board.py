@@ -79,9 +79,10 @@ def _ways_by_label(task: Task) -> list[Way] | None:
     ways = []
     for action in range(Space(task.action, Role.ACTION).size):
         words = re.split(r"[^a-z]+", task.action[0].domain.labels[action].lower())
-        if not all(word in _WORDS for word in words):
+        steps = list(map(_WORDS.get, words))
+        if None in steps:
             return None
-        dx, dy = np.sign(np.sum([_WORDS[word] for word in words], axis=0)).tolist()
+        dx, dy = np.sign(np.sum(steps, axis=0)).tolist()
         ways.append((float(dx), float(dy)))
     return ways
 
@@ -164,8 +165,10 @@ class Board:
         for at, way in self.moves:
             if at == cell:
                 ways.add((round(way[0]), round(way[1])))
-        free = [corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways]
-        yield from sc.marked(box, written, [*free, (1, -1)][0])
+        for free in ((1, -1), (-1, -1), (-1, 1), (1, 1), (1, -1)):
+            if free not in ways:
+                break
+        yield from sc.marked(box, written, free)
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}

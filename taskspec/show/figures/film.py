@@ -48,7 +48,7 @@ def film(task: Task) -> str | None:
         steps = list(_episode(task, who))
     except SpecError:
         return None
-    while len(steps) > 2 and all(np.array_equal(steps[-1][0][name], steps[-2][0][name]) for name in steps[-1][0]):
+    while len(steps) > 2 and _are_equal(steps[-1][0], steps[-2][0]):
         steps.pop()
     every = 1
     if not task.is_finite:
@@ -91,6 +91,10 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
             return
 
 
+def _are_equal(state: dict[str, Any], other: dict[str, Any]) -> bool:
+    return all(map(np.array_equal, state.values(), other.values()))
+
+
 def _value(c: Component, value: Any) -> str:
     flat = np.asarray(value).reshape(-1).tolist()
     if c.domain is not None:
@@ -131,11 +135,14 @@ def _merged(frames: Sequence[Sequence[Item]]) -> list[tuple[Item, frozenset[int]
     for number_of_frame, items in enumerate(frames):
         own = frozenset({number_of_frame})
         known = [item for item, _ in merged]
-        shared = []
+        shared: list[tuple[Item, frozenset[int]]] = []
         for kind, a, b, c, d in SequenceMatcher(None, known, items, autojunk=False).get_opcodes():
             if kind == "equal":
-                shared += [(item, where | own) for item, where in merged[a:b]]
+                for item, where in merged[a:b]:
+                    shared.append((item, where | own))
             else:
-                shared += [*merged[a:b], *((item, own) for item in items[c:d])]
+                shared += merged[a:b]
+                for item in items[c:d]:
+                    shared.append((item, own))
         merged = shared
     return merged

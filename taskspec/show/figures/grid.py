@@ -17,7 +17,7 @@ from taskspec.language.task.questions import component, components_read, reads_t
 from taskspec.language.task.task import Task
 from taskspec.show.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.shapes import ROLES, Color, Scene, fitted, shifted
+from taskspec.show.figures.shapes import ROLES, Color, Scene, fitted, moved
 from taskspec.show.figures.states import Reads, all_states, at_states, figure_of, first_state, observed, reads_of
 
 FARTHEST = 5_000  # columns or rows of a world that is drawn whole, and how far off what is marked of another may be
@@ -47,8 +47,8 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
         return drawn
     strip = fitted(observed(task), "", margin=0.0)  # below the grid, what the agent sees of a first state
     left = max(0.0, (strip.width - drawn.width) / 2)
-    items = [shifted(item, left, 0.0) for item in drawn.items]
-    items += [shifted(item, left + (drawn.width - strip.width) / 2, drawn.height + 0.1) for item in strip.items]
+    below = moved(strip.items, left + (drawn.width - strip.width) / 2, drawn.height + 0.1)
+    items = (*moved(drawn.items, left, 0.0), *below)
     notes = (*drawn.notes, "Below the grid: what the agent sees at the start of an episode.")
     return fitted(items, f"{drawn.alt}, and an observation", notes, drawn=drawn.drawn)
 

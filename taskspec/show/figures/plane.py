@@ -86,8 +86,12 @@ def _share(value: float, ends: tuple[float, float]) -> float:
     return (value - ends[0]) / ((ends[1] - ends[0]) or 1.0)
 
 
+def are_short(ends: tuple[float, float]) -> bool:
+    return max(len(f"{end:.6g}") for end in ends) <= SHORT
+
+
 def _short_ends(ends: tuple[float, float]) -> Sequence[float]:
-    if max(len(f"{end:.6g}") for end in ends) <= SHORT:
+    if are_short(ends):
         return ends
     ticks = _round_numbers(*ends)
     return (ticks[0], ticks[-1])

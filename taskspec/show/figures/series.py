@@ -16,7 +16,7 @@ from taskspec.language.task.parts import Component
 from taskspec.language.task.questions import component, constant, elements, period
 from taskspec.language.task.task import Task
 from taskspec.show.figures.overlays import Overlay
-from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, runs
+from taskspec.show.figures.plane import GAP, SYMBOL, TICKS, WIDTH, are_short, runs
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.show.figures.states import STEPS, State, at_state, episode_path, figure_of
 from taskspec.show.printers import tree as m
@@ -27,8 +27,6 @@ from taskspec.show.printers.pieces import indexed
 MOST = 6  # numbers that are followed
 FEW_STEPS = 12  # each is marked
 SHORT = 4
-LETTERS = 4
-"""Letters of a number that is short."""
 SEEDS = 8  # of an episode of as few states, the longest one of several is shown
 PANEL = 1.0  # height of the picture of one, in centimetres
 APART = 1.35  # distance of these pictures
@@ -114,7 +112,7 @@ def _wide(low: float, high: float) -> tuple[float, float]:
     """Return the ends of an axis: round numbers in place of long ones, and room around a single value."""
     if low == high:
         return low - 0.5, high + 0.5
-    if max(len(f"{end:.6g}") for end in (low, high)) <= LETTERS:
+    if are_short((low, high)):
         return low, high
     unit = 10.0 ** math.floor(math.log10((high - low) / 2)) / 2
     digits = max(0, -math.floor(math.log10(unit)))

@@ -128,12 +128,11 @@ def fitted(
     lefts, tops, rights, bottoms = zip(*extents, strict=True)
     left = min(lefts) - margin
     top = min(tops) - margin
-    moved = items
     if max(abs(left), abs(top)) > 1e-9:
-        moved = tuple(shifted(item, -left, -top) for item in items)
+        items = moved(items, -left, -top)
     if focus is not None:
         focus = (focus[0] - left, focus[1] - top)
-    return Scene(max(rights) + margin - left, max(bottoms) + margin - top, moved, alt, notes, focus, drawn or {})
+    return Scene(max(rights) + margin - left, max(bottoms) + margin - top, items, alt, notes, focus, drawn or {})
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:
@@ -159,7 +158,11 @@ def _around(points: Sequence[Point]) -> tuple[float, float, float, float]:
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def shifted(item: Item, dx: float, dy: float) -> Item:
+def moved(items: Iterable[Item], dx: float, dy: float) -> tuple[Item, ...]:
+    return tuple(_shifted(item, dx, dy) for item in items)
+
+
+def _shifted(item: Item, dx: float, dy: float) -> Item:
     match item:
         case Circle(centre=(x, y)):
             return replace(item, centre=(x + dx, y + dy))

@@ -128,9 +128,9 @@ def runs(tree: m.Math) -> str:
 
 def tikz(scene: sc.Scene) -> str:
     """Return a `tikzpicture`; the names of its colours are those of `tikz_colors`."""
-    body = "\n".join(f"  {_tikz_item(item)}" for item in scene.items)
     options = "x=1cm, y=-1cm, line width=0.7pt, line join=round"
-    return f"\\begin{{tikzpicture}}[{options}]\n{body}\n\\end{{tikzpicture}}"
+    body = "\n  ".join((rf"\begin{{tikzpicture}}[{options}]", *map(_tikz_item, scene.items)))
+    return f"{body}\n\\end{{tikzpicture}}"
 
 
 def tikz_colors() -> str:

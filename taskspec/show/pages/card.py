@@ -142,8 +142,8 @@ def _shown(each: dict[str, Any]) -> str:
 def _cited(source: dict[str, Any]) -> str:
     if "name" not in source:
         return str(source["identifier"])
-    people = ", ".join(person["name"] for person in source["author"])
-    who = f"{people} ({source.get('datePublished', 'no year')})"
+    people = [person["name"] for person in source["author"]]
+    who = f"{', '.join(people)} ({source.get('datePublished', 'no year')})"
     return ". ".join(filter(None, (who, source["name"], source.get("isPartOf"), source.get("pagination"))))
 
 

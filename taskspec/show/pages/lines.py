@@ -153,7 +153,7 @@ def _labels(w: Writing, c: Component) -> Inlines:
             items.append((Formula(tree),))
         else:
             items.append((Formula(tree), Text(f" {label.replace('_', ' ')}")))
-    if all(len(x) == 1 for x in items) and not c.domain.values:
+    if max(map(len, items)) == 1 and not c.domain.values:
         return ()
     return listing(items)
 

@@ -203,11 +203,12 @@ class Family:
     @property
     def title(self) -> str:
         """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
-        titles = [page.title for page in self.pages]
-        first = re.split("[,:]", titles[0])[0]
-        if len(set(titles)) > 1 and all(title.startswith(first) for title in titles):
+        title = self.head.title
+        first = re.split("[,:]", title)[0]
+        others = {page.title for page in self.pages} - {title}
+        if others and all(other.startswith(first) for other in others):
             return first
-        return titles[0]
+        return title
 
 
 def briefly(page: Page) -> Page:

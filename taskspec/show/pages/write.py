@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -82,12 +83,14 @@ def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> lis
         if name in wanted or (name == "latex" and "pdf" in wanted):
             files |= writer(suite)
     if {"markdown", "svg"} & set(wanted):
-        files |= {f"figures/{anchor}.svg": svg(drawn) + "\n" for anchor, drawn in suite.scenes.items()}
-    written = [Path(folder) / name for name in files]
-    for path, text in zip(written, files.values(), strict=True):
-        write_text(path, text)
+        for anchor, drawn in suite.scenes.items():
+            files[f"figures/{anchor}.svg"] = svg(drawn) + "\n"
+    written = []
+    for name, text in files.items():
+        write_text(Path(folder) / name, text)
+        written.append(Path(folder) / name)
     if "pdf" in wanted:
-        return [*written, compile_pdf(Path(folder))]
+        written.append(compile_pdf(Path(folder)))
     return written
 
 
@@ -126,9 +129,9 @@ def gather_pages(
         if figure is not None:
             scenes[name] = figure
     cited = beside(task.source.document.origin.name for task in tasks)
-    names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
+    names = list(filter(None, dict.fromkeys(task.source.suite for task in tasks)))
     if not title and names:
-        title = f"Tasks of {listed(tuple(names))}"
+        title = f"Tasks of {listed(names)}"
     return Suite(title or "Tasks", pages, scenes, cited, brief)
 
 
@@ -190,10 +193,9 @@ def compile_pdf(folder: Path) -> Path:
             [command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False
         )
         if done.returncode != 0 and command == "pdflatex":
-            problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
-            raise spec_error(
-                "E727", f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
-            )
+            problem = re.search("^! *(.*)", done.stdout, re.MULTILINE)
+            what = problem[1] if problem else "pdflatex failed"
+            raise spec_error("E727", f"TeX could not compile {folder / 'document.tex'}: {what}", "see document.log")
     for path in folder.glob("document.*"):
         if path.suffix[1:] in _SCRATCH:
             path.unlink()

@@ -53,7 +53,7 @@ def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
         rows = list(group)
         tree = w.number(rows[0][1]).tree
         keys = [key for key, _ in rows]
-        if any(not any(key) for key in keys):
+        if not all(map(any, keys)):
             yield tree, _OTHERWISE
         else:
             yield tree, m.Row((IF, _keys(w, table.by, keys)))
@@ -69,7 +69,7 @@ def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys,
 
 
 def _keys(w: Writer, by: Sequence[s.Expr], rows: list[Keys]) -> m.Math:
-    if all(len(keys) == 1 for keys in rows):
+    if max(map(len, rows)) == 1:
         return _equal(w, by[0], [key for (key,) in rows if key is not None])
     conjunctions = []
     for keys in rows:

@@ -131,7 +131,7 @@ def draws(expr: s.Expr) -> bool:
 def shows_probabilities(expr: s.Expr) -> bool:
     """Test whether an expression is printed as cases with probabilities, which need no name."""
     if isinstance(expr, s.Call) and expr.function == "Categorical":
-        return any(isinstance(a, s.Weights) for a in expr.args)
+        return s.Weights in map(type, expr.args)
     return isinstance(expr, s.Weights)
 
 
@@ -209,7 +209,7 @@ def _axes_of_call(w: Writer, call: s.Call) -> int:
         return _widest(w, call.args[1:2]) + (call.function == "scan")
     function = FUNCTIONS.get(call.function)
     if function is not None and function.accepts(len(call.args)):
-        return function.axes([rank(w, a) for a in call.args])
+        return function.axes(list(map(partial(rank, w), call.args)))
     if call.function not in w.notation.bodies:
         return 0
     arguments, body = w.notation.bodies[call.function]
@@ -266,9 +266,9 @@ def has_conditions(w: Writer, expr: s.Expr) -> bool:
         case s.Call(function="where", args=(test, *_)) if is_vector(w, test):
             return True
         case s.Call(function=name, args=args) if name in FUNCTIONS and not FUNCTIONS[name].whole:
-            return any(has_conditions(w, x) for x in args)
+            return any(map(partial(has_conditions, w), args))
         case s.Unary() | s.Binary() | s.IfElse() | s.Piecewise():
-            return any(has_conditions(w, x) for x in m.children(expr))
+            return any(map(partial(has_conditions, w), m.children(expr)))
         case _:
             return False
 

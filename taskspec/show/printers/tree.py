@@ -230,7 +230,7 @@ def width(node: Math) -> float:  # noqa: C901
             small = max((width(script) for script in (sub, sup) if script), default=0)
             return width(base) + 0.7 * small + 0.4 * primes
         case Cases(rows=rows):
-            return 3 + max(width(a) for a, _ in rows) + max(width(b) for _, b in rows)
+            return 3 + sum(max(map(width, column)) for column in zip(*rows, strict=True))
         case Matrix(rows=rows):
             return 2 + max(sum(width(x) + 1.5 for x in line) for line in rows)
         case Arrow(over=over):

@@ -6,6 +6,7 @@ Control characters of specs and file names are shown as escapes, never sent to t
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -65,8 +66,7 @@ class PipedConsole(Console):
     def print(self, *objects: Any, **options: Any) -> None:
         with self.capture() as captured:
             super().print(*objects, **options)
-        text = captured.get()
-        self.file.write("\n".join(line.rstrip(" ") for line in text.split("\n")))
+        self.file.write(re.sub(" +$", "", captured.get(), flags=re.MULTILINE))
 
 
 def console(err: bool = False, wide: bool = False) -> Console:
@@ -234,7 +234,7 @@ class Columns:
         groups: dict[bool, list[list[Any]]] = {}
         for row in self.rows:
             text = str(row[self.names])
-            if any(end in text for end in ENDS):
+            if set(ENDS) & set(text):
                 groups.setdefault(text.startswith(" "), []).append(row)
         for is_indented, rows in sorted(groups.items(), reverse=True):
             indent = "  " * is_indented
@@ -279,7 +279,5 @@ class Columns:
 
 def shared_prefix(names: Sequence[str]) -> str:
     """Return what all names begin with, up to the end of a part of an id or of a path."""
-    shared = min(names, default="")
-    while shared and not (shared[-1] in ENDS and all(name.startswith(shared) for name in names)):
-        shared = shared[:-1]
-    return shared
+    shared = os.path.commonprefix(names)
+    return shared[: max(map(shared.rfind, ENDS)) + 1]
