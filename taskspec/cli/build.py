@@ -28,7 +28,7 @@ def build(
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.cli.check_text import print_table, print_verdict
+    from taskspec.cli import check_text
     from taskspec.show.pages.write import TaskResults, write_build
     from taskspec.tools.authoring.checks import check_file, counts, examine, problems_of
     from taskspec.tools.targets import files_of
@@ -48,13 +48,16 @@ def build(
     print_diagnostics(problems, err=False)
     if problems:
         say("")
-    print_table(reports)
-    print_verdict(reports, time.perf_counter() - start)
+    check_text.print_table(reports)
+    check_text.print_verdict(reports, time.perf_counter() - start)
     if counts(problems)[0]:
         say("nothing was written", err=True)
         raise typer.Exit(1)
     with progress("write"):
-        tasks = [each.task for report in reports for each in report.tasks if each.task is not None]
+        tasks = []
+        for checked in check_text.tasks_of(reports):
+            if checked.task is not None:
+                tasks.append(checked.task)
         written = list(write_build(tasks, results, output))
     for path, content in written:
         console(wide=True).print(line("wrote ", (str(path), "name"), (f"  {content}", "quiet")))

@@ -23,11 +23,11 @@ def print_table(reports: Sequence[FileReport]) -> None:
     out = console(wide=True)
     out.print(_table(reports))
     out.print()
-    for text in _programs(_tasks(reports)):
+    for text in _programs(tasks_of(reports)):
         out.print(text, style="quiet")
 
 
-def _tasks(reports: Sequence[FileReport]) -> list[Checked]:
+def tasks_of(reports: Sequence[FileReport]) -> list[Checked]:
     tasks: list[Checked] = []
     for report in reports:
         tasks += report.tasks
@@ -35,7 +35,7 @@ def _tasks(reports: Sequence[FileReport]) -> list[Checked]:
 
 
 def _table(reports: Sequence[FileReport]) -> Columns:
-    headers = _headers(_tasks(reports))
+    headers = _headers(tasks_of(reports))
     table = Columns("", "", *headers, names=1, spare=range(len(headers) + 1, 2, -1))
     for report in reports:
         table.add_row(_mark(report.diagnostics), VisibleText(report.path, style="title"))
@@ -144,7 +144,7 @@ def print_verdict(reports: Sequence[FileReport], seconds: float, err: bool = Fal
         text.append("no errors, no warnings", "good")
     if accepted:
         text.append(", ").append(f"{plural(accepted, 'warning')} accepted", "quiet")
-    for noun, number in _untried(_tasks(reports)).items():
+    for noun, number in _untried(tasks_of(reports)).items():
         if number:
             text.append(", ").append(f"{plural(number, noun)} not checked", "warn")
     text.append(f"  ({seconds:.2f} s)", "quiet")
@@ -155,7 +155,7 @@ def _subjects(reports: Sequence[FileReport]) -> str:
     kinds = Counter(report.kind for report in reports)
     subjects = []
     if kinds["taskspec"] or not kinds:
-        subjects.append(f"{plural(len(_tasks(reports)), 'task')} in {plural(kinds['taskspec'], 'spec')}")
+        subjects.append(f"{plural(len(tasks_of(reports)), 'task')} in {plural(kinds['taskspec'], 'spec')}")
     for kind, noun in NOUNS.items():
         if kinds[kind]:
             subjects.append(plural(kinds[kind], noun))

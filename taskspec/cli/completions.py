@@ -66,8 +66,7 @@ def complete_modifiers(incomplete: str) -> Completions:
 
     known = []
     for name, entry in MODIFIERS.items():
-        sign = "=" if entry.arguments else ""
-        known.append((name + sign, entry.doc))
+        known.append((name + "=" * bool(entry.arguments), entry.doc))
     return starting(incomplete, known)
 
 

@@ -53,7 +53,10 @@ def write_json(data: Any) -> None:
 
 def write_records(records: Sequence[Any]) -> None:
     """Print the records of several tasks as a JSON list, the record of one task alone."""
-    write_json(records[0] if len(records) == 1 else list(records))
+    if len(records) == 1:
+        write_json(records[0])
+    else:
+        write_json(list(records))
 
 
 class UsageError(SpecError):

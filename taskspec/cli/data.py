@@ -107,14 +107,11 @@ def _write(
 ) -> None:
     from taskspec.data import write
     from taskspec.learn.data.datasets import format_of, summary
-    from taskspec.tools.targets import beside
+    from taskspec.tools.targets import with_files
 
     format_of(output, format)  # a mistake is reported before the work
     records = []
-    for task in tasks:
-        place = output
-        if len(tasks) != 1:
-            place = beside(output, task)
+    for task, place in with_files(tasks, output):
         with progress(task.instance_id):
             data = make(task)
         write(data, place, format)

@@ -45,12 +45,12 @@ def diff(
     from taskspec.tools.difference import compare
     from taskspec.tools.targets import task_at
 
-    named = variant or []
-    if len(named) > 2:
+    variants = variant or [None]
+    if len(variants) > 2:
         raise misuse("--variant is given once for both tasks, or twice")
     with progress("comparing"):
-        one = task_at(first, named[0] if named else None)
-        other = task_at(second, named[-1] if named else None)
+        one = task_at(first, variants[0])
+        other = task_at(second, variants[-1])
         relation = compare(one, other)
     if json:
         write_json(dataclasses.asdict(relation))

@@ -116,22 +116,20 @@ def exam(
     from taskspec.tools.targets import tasks_named
 
     running = Running(jobs, cluster, time_limit, retry)
-    numbers = {
+    terms: dict[str, Any] = _given({
         "seeds": seeds, "twins": twins, "peeks": peeks, "steps": options.count("--steps", steps),
         "transitions": options.count("--transitions", transitions),
-    }  # fmt: skip
-    terms: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
-    for_learners = {
+    })  # fmt: skip
+    for_learners = _given({
         "--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against, "--within": within,
         "--until-sure": until_sure or None, "--laws": laws,
-    }  # fmt: skip
+    })  # fmt: skip
     experiment = read_if_experiment(learners[0])
     if experiment is not None:
-        refused = [option for option, value in for_learners.items() if value is not None]
         if len(learners) > 1:
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")
-        if refused:
-            raise misuse(f"{refused[0]} is for learners, not for an experiment")
+        for option in for_learners:
+            raise misuse(f"{option} is for learners, not for an experiment")
         with progress(experiment.experiment.name):
             exams = examine_all(experiment, output, running=running, **terms)
     else:
@@ -150,3 +148,7 @@ def exam(
         say_written(exams.write_reports())
     if any(each["flags"] for each in exams.exams.values()):
         raise typer.Exit(1)
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}

@@ -58,16 +58,13 @@ def _find(text: str) -> Code:
     for code in codes().values():
         if wanted in (code.code.lower(), code.slug):
             return code
-    names = [*(code.slug for code in codes().values()), *BY_ANCHOR]
-    near = suggest(wanted.upper(), codes()) or suggest(wanted, names)
+    slugs = [code.slug for code in codes().values()]
+    near = suggest(wanted.upper(), codes()) or suggest(wanted, [*slugs, *BY_ANCHOR])
     raise spec_error("E713", f"there is no code '{text}'", near or "`taskspec explain` lists them all")
 
 
 def _explain_code(code: Code) -> None:
-    if code.severity == "error":
-        style = "bad"
-    else:
-        style = "warn"
+    style = "bad" if code.severity == "error" else "warn"
     _print((f"{code.severity}[{code.code} {code.slug}]", style), f": {code.title}", code.explanation)
 
 
@@ -94,10 +91,11 @@ def _print(name: tuple[str, str], title: str, explanation: str) -> None:
     elif terminal_width() is None:
         say(explanation)
     else:
-        parts = []
+        paragraphs = []
         for i, part in enumerate(explanation.split("```")):
             if i % 2:
-                parts.append(f"```{part}```")
-            else:
-                parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
-        out.print("\n\n".join(parts))
+                paragraphs.append(f"```{part}```")
+                continue
+            for paragraph in part.split("\n\n"):
+                paragraphs.append(" ".join(paragraph.split()))
+        out.print("\n\n".join(filter(None, paragraphs)))

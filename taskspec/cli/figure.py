@@ -40,14 +40,11 @@ def figure(
     """
     from taskspec.show import pages
     from taskspec.show.pages.page import anchor
-    from taskspec.tools.targets import beside, tasks_of
+    from taskspec.tools.targets import tasks_of, with_files
 
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     if output is None:
         output = Path(f"{anchor(tasks[0].name)}.svg")
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
-    for each in tasks:
-        place = output
-        if len(tasks) != 1:
-            place = beside(output, each)
+    for each, place in with_files(tasks, output):
         say(f"wrote {pages.figure(each, place, wanted)}")

@@ -31,11 +31,10 @@ class Command(TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print usage, what the command does, and its arguments and options."""
-        rows = [(param.param_type_name, *_record(param, ctx)) for param in self.get_params(ctx)]
-        panels = {
-            "Arguments": [row[1:] for row in rows if row[0] == "argument"],
-            "Options": [row[1:] for row in rows if row[0] != "argument"],
-        }
+        panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for param in self.get_params(ctx):
+            title = "Arguments" if param.param_type_name == "argument" else "Options"
+            panels[title].append(_record(param, ctx))
         _print_help(self, ctx, panels)
 
 
@@ -80,10 +79,7 @@ def usage_reported() -> Iterator[None]:
         message = error.format_message().rstrip(".")
         text, _, hint = message.partition(" Did you mean")
         path = error.ctx.command_path if error.ctx is not None else "taskspec"
-        if hint:
-            near = f"did you mean{hint}"
-        else:
-            near = f"`{path} --help` shows what there is"
+        near = f"did you mean{hint}" if hint else f"`{path} --help` shows what there is"
         text = f"{text[0].lower()}{text[1:]}".rstrip(".")
         fail([Diagnostic("E713", None, text, near)], 2)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from taskspec.base.diagnostics import SpecError, spec_error, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
 from taskspec.cli import options
 from taskspec.cli.console import fail, write_json
@@ -41,9 +41,13 @@ def list_(
     from taskspec.tools.targets import files_of, outlines_in, tasks_in
 
     files = files_of(targets or [])
-    listed = list(tasks_in(files) if json else outlines_in(files))
-    tasks: list[Any] = [each for each in listed if not isinstance(each, SpecError)]
-    problems = [problem for each in listed if isinstance(each, SpecError) for problem in each.diagnostics]
+    tasks: list[Any] = []
+    problems: list[Diagnostic] = []
+    for each in tasks_in(files) if json else outlines_in(files):
+        if isinstance(each, SpecError):
+            problems += each.diagnostics
+        else:
+            tasks.append(each)
     if capability is not None:
         tasks = _isolating(capability, tasks)
     if json:
@@ -74,15 +78,14 @@ def _print_suites(tasks: Sequence[Listed]) -> None:
     from taskspec.show.record import SUITES
 
     out = console()
-    counts = Counter(task.id.rpartition("/")[0] for task in tasks)
-    names = [*filter(counts.__contains__, SUITES), *sorted(set(counts) - set(SUITES))]
+    of_suite: dict[str, list[Listed]] = {}
+    for task in tasks:
+        of_suite.setdefault(task.id.rpartition("/")[0], []).append(task)
+    names = [*filter(of_suite.__contains__, SUITES), *sorted(of_suite.keys() - SUITES.keys())]
     table = Columns("suite", "tasks", "", right=(1,), styles=("name", "", "quiet"), fold=(2,), names=0)
     for name in names:
-        if name in SUITES:
-            line = SUITES[name].line
-        else:
-            line = _counted(task for task in tasks if task.id.startswith(f"{name}/"))
-        table.add_row(name, str(counts[name]), line)
+        line = SUITES[name].line if name in SUITES else _counted(of_suite[name])
+        table.add_row(name, str(len(of_suite[name])), line)
     out.print(table)
     out.print(VisibleText(f"\ncapabilities: {_counted(tasks)}"))
     out.print("\n`taskspec list SUITE` or `--capability NAME` lists tasks; `taskspec show ID` shows one", style="quiet")

@@ -34,7 +34,10 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
 
 def split_names(texts: Sequence[str] | None) -> list[str]:
     """Split an option that may be repeated, or given with commas, into names."""
-    return [name.strip() for text in texts or () for name in text.split(",")]
+    names = []
+    for text in texts or ():
+        names += map(str.strip, text.split(","))
+    return names
 
 
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:

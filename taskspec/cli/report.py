@@ -62,7 +62,9 @@ def report(
     from taskspec.learn.exam.card_text import print_exams
     from taskspec.learn.exam.results import exams_below, read
 
-    places = [place for folder in folders for place in exams_below(folder)]
+    places: list[Path] = []
+    for below in folders:
+        places += exams_below(below)
     if findings is not None:
         _report_findings(findings, places, output or Path("build/report"), json)
         return
@@ -114,7 +116,7 @@ def _report_findings(suite: str, places: list[Path], output: Path, json: bool) -
     from taskspec.learn.exam.results import read
     from taskspec.show.terminal.styled_text import console
 
-    exams = {place: read(place) for place in dict.fromkeys(place.resolve() for place in places)}
+    exams = {place: read(place) for place in map(Path.resolve, places)}
     findings = evaluate(suite, sets_of(exams))
     written = findings_page.write(findings, list(exams.values()), output)
     if json:

@@ -57,7 +57,7 @@ def run(
     from taskspec.envs.window import has_display
     from taskspec.show.figures.recording import watching
     from taskspec.show.terminal.rollouts import episodes_of, print_summary, summarize, summary_data
-    from taskspec.tools.targets import beside, tasks_of
+    from taskspec.tools.targets import tasks_of, with_files
 
     kind = _kind_of(render, output)
     if kind == "human" and not has_display():
@@ -67,10 +67,7 @@ def run(
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])
     count = episodes or (1 if kind else EPISODES)
     records = []
-    for each in tasks:
-        path = output or Path(f"{each.name}.{kind}")
-        if len(tasks) > 1:
-            path = beside(path, each)
+    for each, path in with_files(tasks, output or Path(f"{tasks[0].name}.{kind}")):
         start = time.perf_counter()
         with progress("episodes"), watching(kind, path, count, say) as watch:
             done = episodes_of(each, policy, seed, count, max_steps, RENDER_MODES.get(kind or ""), watch)

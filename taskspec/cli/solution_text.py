@@ -271,14 +271,17 @@ def _from_json(text: str) -> list[float]:
     data = json.loads(text)
     if isinstance(data, dict):
         data = data["returns"]
-    return [float(value) for value in data]
+    return list(map(float, data))
 
 
 def _from_csv(text: str) -> list[float]:
     """Return the column `r` or `return`, else the first one; comments start with `#`."""
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
-    header = [cell.strip().lower() for cell in rows[0]]
-    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = list(csv.reader(lines))
+    column = 0
+    for i, cell in reversed(list(enumerate(rows[0]))):
+        if cell.strip().lower() in ("r", "return", "returns", "score"):
+            column = i
     try:
         float(rows[0][column])
     except ValueError:

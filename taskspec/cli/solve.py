@@ -46,15 +46,15 @@ def solve(
     """
     from taskspec.cli.solution_text import print_solution
     from taskspec.cli.solution_text import solve as solved
-    from taskspec.tools.targets import beside, tasks_of
+    from taskspec.tools.targets import tasks_of, with_files
 
     records = []
     tasks = tasks_of(task, variant, parameters or [], modifiers or [])
-    for each in tasks:
+    for each, place in with_files(tasks, output or Path("scores.json")):
         with progress(each.instance_id):
             solution = solved(each, episodes, seed, difficulty, limit_measure or [], front)
         if output is not None:
-            solution.scores.save(output if len(tasks) == 1 else beside(output, each))
+            solution.scores.save(place)
         if json:
             records.append(solution.record())
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument
@@ -14,18 +14,14 @@ from taskspec.cli.completions import complete_experiments
 from taskspec.cli.console import progress, say_written, write_json
 from taskspec.show.terminal.styled_text import console, line
 
-if TYPE_CHECKING:
-    pass
-
 PICTURES = ("svg", "png", "pdf")
 FORMATS = ("json", "csv", "parquet", *PICTURES)
 ExperimentName = Annotated[
     str,
     Argument(
-        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=complete_experiments,
-
+        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=complete_experiments
     ),
-]  # fmt: skip
+]
 Format = Annotated[
     list[str] | None,
     options.formats_option(

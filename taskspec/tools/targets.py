@@ -216,10 +216,14 @@ def _joined(files: Iterable[File]) -> list[File]:
     return list(merged.values())
 
 
-def beside(path: Path, task: Task) -> Path:
-    """Return the file for one of several settings of a task: `scores-L=5-M=7.json` for `scores.json`."""
-    values = "-".join(f"{name}={ids.shown(value)}" for name, value in task.values.items())
-    return path.with_name(f"{path.stem}-{safe_name(values)}{path.suffix}")
+def with_files(tasks: Sequence[Task], path: Path) -> Iterator[tuple[Task, Path]]:
+    """Yield settings of a task, each with its file: of several, `scores-L=5-M=7.json` for `scores.json`."""
+    if len(tasks) == 1:
+        yield tasks[0], path
+        return
+    for task in tasks:
+        values = [f"{name}={ids.shown(value)}" for name, value in task.values.items()]
+        yield task, path.with_name(f"{path.stem}-{safe_name('-'.join(values))}{path.suffix}")
 
 
 def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
