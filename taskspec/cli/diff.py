@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -45,7 +46,7 @@ def diff(
     from taskspec.tools.difference import compare
     from taskspec.tools.targets import task_at
 
-    variants = variant or [None]
+    variants: Sequence[str | None] = variant or [None]
     if len(variants) > 2:
         raise misuse("--variant is given once for both tasks, or twice")
     with progress("comparing"):

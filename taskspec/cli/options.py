@@ -34,7 +34,7 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
 
 def split_names(texts: Sequence[str] | None) -> list[str]:
     """Split an option that may be repeated, or given with commas, into names."""
-    names = []
+    names: list[str] = []
     for text in texts or ():
         names += map(str.strip, text.split(","))
     return names

@@ -79,10 +79,9 @@ def _ways_by_label(task: Task) -> list[Way] | None:
     ways = []
     for action in range(Space(task.action, Role.ACTION).size):
         words = re.split(r"[^a-z]+", task.action[0].domain.labels[action].lower())
-        steps = list(map(_WORDS.get, words))
-        if None in steps:
+        if not _WORDS.keys() >= set(words):
             return None
-        dx, dy = np.sign(np.sum(steps, axis=0)).tolist()
+        dx, dy = np.sign(np.sum([_WORDS[word] for word in words], axis=0)).tolist()
         ways.append((float(dx), float(dy)))
     return ways
 

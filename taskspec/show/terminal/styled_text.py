@@ -279,5 +279,7 @@ class Columns:
 
 def shared_prefix(names: Sequence[str]) -> str:
     """Return what all names begin with, up to the end of a part of an id or of a path."""
-    shared = os.path.commonprefix(names)
-    return shared[: max(map(shared.rfind, ENDS)) + 1]
+    shared = min(names, default="")
+    while shared and not (shared[-1] in ENDS and all(name.startswith(shared) for name in names)):
+        shared = shared[:-1]
+    return shared
