@@ -104,9 +104,7 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     actions = results.task.action_layout
     if seen.form != "discrete" or actions.form not in ("discrete", "multi_discrete"):
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
-    first = 0
-    if actions.form == "discrete":
-        first = actions.starts[0]
+    first = actions.starts[0] if actions.form == "discrete" else 0
     table = by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
     is_stochastic = are_probabilities(table)
     if table.ndim == 3:

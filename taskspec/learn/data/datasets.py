@@ -33,9 +33,7 @@ SPACE = (np.dtype(np.int64), np.dtype(np.float32))  # the types of observations 
 
 def check_transitions(data: Transitions, is_whole: bool) -> None:
     """Check the arrays of whole episodes, or of segments: runs of steps that only the last may end."""
-    rows = 0
-    if np.ndim(data.rews):
-        rows = len(data.rews)
+    rows = len(data.rews) if np.ndim(data.rews) else 0
     if not rows:
         raise ValueError("it has no transitions")
     for name, types in {"rews": REAL, "terminated": BOOL, "truncated": BOOL, "episode": WHOLE, "time": WHOLE}.items():
@@ -67,9 +65,7 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
-    pairs = 0
-    if np.ndim(preferences):
-        pairs = len(preferences)
+    pairs = len(preferences) if np.ndim(preferences) else 0
     if not np.array_equal(segments.episode[segments.starts], np.arange(2 * pairs)):
         raise ValueError(f"`episode` does not number the segments of {pairs} pairs from 0 to {2 * pairs - 1}")
     _check("preferences", preferences, REAL, (pairs,))
@@ -120,9 +116,7 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     columns_read = {}
     for name in table.column_names:
         column = table[name].combine_chunks()
-        values = column
-        if shapes[name]:
-            values = column.flatten()
+        values = column.flatten() if shapes[name] else column
         columns_read[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
     return columns_read, metadata
 
@@ -282,10 +276,7 @@ PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
 
 def flat(data: Data) -> dict[str, Array]:
     """Return the arrays of data by name; those of a dict of observations are `obs.NAME`."""
-    if isinstance(data, Preferences):
-        segments = data.segments
-    else:
-        segments = data
+    segments = data.segments if isinstance(data, Preferences) else data
     arrays: dict[str, Array] = {}
     for name, value in columns(segments).items():
         arrays |= _parts(name, value)

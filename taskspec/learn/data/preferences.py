@@ -258,9 +258,7 @@ def preferences(
     else:
         ends = (0.0, 0.0)
     whole = recorded(learned, policy, 2 * pairs, None, seed, positive("jobs", jobs))
-    segments = whole
-    if length is not None:
-        segments = _cut(whole, length, seed)
+    segments = _cut(whole, length, seed) if length is not None else whole
     returns = segments.returns(learned.discount)
     near = who.seen(segments, learned.discount)
     words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)

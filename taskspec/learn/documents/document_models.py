@@ -51,9 +51,7 @@ def _span(value: dict[str, Any]) -> Iterator[Problem]:
         return
     numbers, (least, most) = value[key], LENGTHS[key]
     if not isinstance(numbers, list) or not least <= len(numbers) <= most:
-        wanted = f"{least} or {most} numbers"
-        if least == most:
-            wanted = f"{least} numbers"
+        wanted = f"{least} numbers" if least == most else f"{least} or {most} numbers"
         yield wrong_kind(f"{wanted}: {SPANS[key]}", numbers).below(key)
         return
     for i, each in enumerate(numbers):

@@ -383,9 +383,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             case s.Call(function=name, args=args, keywords=keywords) if name in FUNCTIONS:
                 low, high, _ = FUNCTIONS[name]
                 if keywords or not low <= len(args) <= high:
-                    count = str(low)
-                    if low < high:
-                        count = f"{low} or more"
+                    count = f"{low} or more" if low < high else str(low)
                     self._fail("E304", expr, f"{name} takes {count} numbers")
                 return self.arithmetic(name, *map(self.number, args))
             case s.Call(function=name) if name in NUMBERS or name in FIXED:

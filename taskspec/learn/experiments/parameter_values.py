@@ -183,9 +183,7 @@ class Assignment:
 
     def _value(self, name: str, at: s.Name) -> Value:
         parameter = self.known[name]
-        value = parameter.value
-        if name in self.given:
-            value = self._plain(name)
+        value = self._plain(name) if name in self.given else parameter.value
         if isinstance(value, str):
             self.checker.fail("E306", at, f"'{name}' is a label, no number")
         kind = Kind.REAL

@@ -216,9 +216,7 @@ def _line(axes: Any, curve: _Curve, is_log: bool) -> None:
     values = curve.values
     if is_log:
         values = np.where(values > 0, values, np.nan)
-    marker = ""
-    if len(values) < MOST_MARKED:
-        marker = "o"
+    marker = "o" if len(values) < MOST_MARKED else ""
     axes.plot(curve.xs, values, marker=marker, label=curve.label, **curve.look)
     if not curve.halves.any():
         return

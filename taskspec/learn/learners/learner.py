@@ -117,8 +117,6 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
             values[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
         except ValidationError as error:
             first = error.errors()[0]
-            code = "E204"
-            if first["type"] == "literal_error":
-                code = "E206"
+            code = "E206" if first["type"] == "literal_error" else "E204"
             problems.append(Diagnostic(code, document.span(place), f"{value!r} does not fit: {first['msg']}"))
     return replace(base, **values)

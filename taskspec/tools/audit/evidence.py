@@ -185,9 +185,7 @@ class Evidence:
         step = self.subject.play((TracePart(shortest.seed, (*shortest.actions, shortest.actions[-1])),))[-1]
         if step.error:
             return step.error
-        goes = "goes on"
-        if step.terminated:
-            goes = "ends again"
+        goes = "ends again" if step.terminated else "goes on"
         return f"{goes}, and pays {decimal(step.paid)}"
 
     @cached_property

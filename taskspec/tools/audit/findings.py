@@ -95,9 +95,7 @@ def _why_another_array(space: Any, value: Any) -> str | None:
         return None
     wrong = np.argwhere(~((value >= space.low) & (value <= space.high)))[0]
     at = tuple(wrong.tolist())
-    where = ""
-    if at:
-        where = f" at {list(at)}"
+    where = f" at {list(at)}" if at else ""
     return f"is {value[at]}{where}; its bounds are {space.low[at]} and {space.high[at]}"
 
 
@@ -135,9 +133,7 @@ def mutated(x: Evidence) -> AuditFinding | None:
         for t, step in enumerate(episode.steps):
             is_changed = frozen(step.observation) != step.seen
             if not step.error and (is_changed or frozen(step.info) != step.seen_info):
-                name = "info"
-                if is_changed:
-                    name = "observation"
+                name = "observation" if is_changed else "info"
                 words = f"the {name} of t = {t} is changed by later steps; return a copy"
                 return AuditFinding(words, episode.trace(t + 1))
     return None
@@ -445,14 +441,10 @@ def examined(subject: Subject, seconds: float) -> Audit:
 
 
 def _size(x: Evidence) -> str:
-    horizon = "no time limit seen"
-    if x.horizon is not None:
-        horizon = f"{x.horizon:,} steps"
+    horizon = f"{x.horizon:,} steps" if x.horizon is not None else "no time limit seen"
     if x.table is None:
         return f"sampled, since {x.why_not}; {horizon}"
-    chance = ""
-    if x.table.is_estimated:
-        chance = ", chance estimated"
+    chance = ", chance estimated" if x.table.is_estimated else ""
     return f"{plural(x.entered, 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
 
 

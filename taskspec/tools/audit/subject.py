@@ -194,9 +194,7 @@ class Subject:
         self.action_space.seed(seed)
         steps = [instance.reset(seed)]
         while not steps[-1].is_last and len(steps) <= MOST_STEPS and not end.is_over:
-            action = repeat
-            if repeat is None:
-                action = self.action_space.sample()
+            action = self.action_space.sample() if repeat is None else repeat
             steps.append(instance.step(action))
         return EnvEpisode(seed, tuple(steps))
 
@@ -219,9 +217,7 @@ class Subject:
         parts = []
         for part in trace:
             actions = json.dumps(self.action_space.to_jsonable(list(part.actions)), separators=(",", ":"))
-            seed = ""
-            if part.seed is not None:
-                seed = str(part.seed)
+            seed = str(part.seed) if part.seed is not None else ""
             parts.append(f"{part.instance}{seed}:{actions}")
         return " ".join(parts)
 

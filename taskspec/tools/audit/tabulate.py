@@ -268,9 +268,7 @@ def compare(
                 if all(outcome[0] != to for outcome in outcomes):
                     raise Untabulated(f"t = {t}: a state that the table does not lead to")
                 table.by_time = table.by_time or (state, a, episode.trace(t + 1))
-            state = to
-            if ends:
-                state = None
+            state = None if ends else to
 
 
 def _known(table: StateTable, instance: EnvInstance, step: EnvStep, ignored: frozenset[Place] | None) -> int | None:

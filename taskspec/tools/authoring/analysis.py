@@ -42,9 +42,7 @@ class Analysis:
     @property
     def sections(self) -> dict[str, Any]:
         """The sections as they are written; none where the text is no mapping."""
-        data = None
-        if self.document:
-            data = self.document.data
+        data = self.document.data if self.document else None
         if isinstance(data, dict):
             return data
         return {}
@@ -83,9 +81,7 @@ class Analysis:
         attempt = self.attempt(path)
         if attempt is None:
             return None
-        section = ""
-        if own(path):
-            section = str(own(path)[0])
+        section = str(own(path)[0]) if own(path) else ""
         context = attempt.names.context
         if section in ("parameters", "constants", "state", "action", "horizon", "discount"):
             return Scope(context.constants)
@@ -161,14 +157,10 @@ def _made(names: Names, section: str) -> Scope | None:
 
 def _labels(merged: Merged, section: str) -> Iterator[tuple[Path, str]]:
     for name, entry in (merged.data.get(section) or {}).items():
-        values = None
-        if isinstance(entry, dict):
-            values = entry.get("values")
+        values = entry.get("values") if isinstance(entry, dict) else None
         if isinstance(values, list | dict):
             for at, label in enumerate(values):
-                step = at
-                if isinstance(values, dict):
-                    step = label
+                step = label if isinstance(values, dict) else at
                 yield (section, name, "values", step), str(label)
 
 

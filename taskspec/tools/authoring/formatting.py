@@ -133,9 +133,7 @@ def _gaps(value: str) -> Iterator[Change]:
         is_slice = left == ":" and around[-1:] != ["{"]
         is_edge = kinds[0] == "open" or kinds[1] == "close" or right in (",", ":")
         is_tight = is_sign or is_called or is_slice or is_edge or left in ("**", "=") or right in ("**", "=")
-        gap = " "
-        if is_tight:
-            gap = ""
+        gap = "" if is_tight else " "
         yield before.end(), token.start(), gap
 
 

@@ -62,9 +62,7 @@ def hover(analysis: Analysis, offset: int) -> str | None:
     if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
         return _of_key(word, at.path)
     scope = analysis.scope(at.path)
-    bound = None
-    if scope is not None:
-        bound = scope.lookup(word)
+    bound = scope.lookup(word) if scope is not None else None
     lines = []
     declaration = analysis.declarations.get(word.rstrip("'"))
     if declaration is not None:
@@ -165,9 +163,7 @@ def _places(analysis: Analysis, name: str) -> Iterator[Span]:
 
 
 def _of_node(node: Expression, domain: Domain | None) -> str:
-    value = None
-    if node.type.is_scalar:
-        value = constant(node)
+    value = constant(node) if node.type.is_scalar else None
     if domain is not None:
         if value is not None:
             return f"{domain.labels[int(value)]}, {_labels(domain)}"
@@ -192,9 +188,7 @@ def _of_key(key: str, path: Path) -> str | None:
 
 
 def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
-    bound = None
-    if scope is not None:
-        bound = scope.lookup(word)
+    bound = scope.lookup(word) if scope is not None else None
     if isinstance(bound, FunctionDef):
         return bound.signature, printed(bound.body)
     if word in FUNCTIONS:

@@ -95,9 +95,7 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
         if each.task is None:
             continue
         with suppress(SpecError):
-            place = ["name"]
-            if each.variant is not None:
-                place = ["variants", each.variant]
+            place = ["variants", each.variant] if each.variant is not None else ["name"]
             scores.append((place, _words(exact.scores(each.task))))
     yield {"lenses": scores}
 

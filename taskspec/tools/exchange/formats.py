@@ -165,9 +165,7 @@ def _format_of(path: Path, name: str | None) -> ModelFormat:
             return known
     known_formats = [f"{known.name} ({known.suffix})" for known in FORMATS.values()]
     hint = f"formats that are: {', '.join(known_formats)}"
-    suffix = path.suffix
-    if name is not None:
-        suffix = f".{name}"
+    suffix = f".{name}" if name is not None else path.suffix
     option = STORM_READS.get(suffix)
     if option is not None:
         hint = f"Storm converts it: storm {option} {path} --buildfull --buildchoicelab --exportbuild {path.stem}.umb"

@@ -109,9 +109,7 @@ def _moved(task: FrozenTask, outcomes: Outcomes, index: Mapping[Place, int]) -> 
     moved = []
     shares = _shares([outcome.probability for outcome in outcomes])
     for outcome, share in zip(outcomes, shares, strict=True):
-        going = Fraction(0)
-        if not outcome.ends:
-            going = Fraction(task.discount)
+        going = Fraction(task.discount) if not outcome.ends else Fraction(0)
         for phase, part in ((ACTING, going), (ENDED, 1 - going)):
             if part:
                 moved.append(Outcome(share * part, index[outcome.state, phase], Fraction(outcome.reward), False))
@@ -140,9 +138,7 @@ def at_random(task: FrozenTask) -> FrozenTask:
 
 def property_of(task: FrozenTask, extreme: str) -> str:
     """Return the property whose value is the largest (`max`) or smallest (`min`) expected return of a settled task."""
-    until = f'F "{END}"'
-    if task.horizon is not None:
-        until = f"C<={task.horizon}"
+    until = f"C<={task.horizon}" if task.horizon is not None else f'F "{END}"'
     return f'R{{"reward"}}{extreme}=? [{until}]'
 
 

@@ -83,9 +83,7 @@ def write(task: FrozenTask) -> bytes:
         observed = {"#observations": len(classes), "observations-apply-to": "states"}
     propositions = {}
     for i, (name, held) in enumerate(task.labels.items()):
-        identifier = f"label-{i}"
-        if _IDENTIFIER.fullmatch(name):
-            identifier = name
+        identifier = name if _IDENTIFIER.fullmatch(name) else f"label-{i}"
         propositions[identifier] = {"alias": name, "applies-to": ["states"], "type": {"type": "bool", "size": 1}}
         files[f"annotations/aps/{identifier}/states/values.bin"] = _bits(held, len(task.states))
     variables = [{"name": name, "type": {"type": "int", "size": BITS}} for name in task.values[0]]

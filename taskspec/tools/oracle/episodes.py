@@ -225,9 +225,7 @@ class _Tree:
         number = count_of(count)
         if max(each) > COUNTED:
             number = f"more than {count_of(COUNTED)}"
-        kind = "episodes"
-        if size > 1:
-            kind = f"groups of {size} episodes"
+        kind = f"groups of {size} episodes" if size > 1 else "episodes"
         hint = how_to_raise("enumerated", count) or "choose a shorter task, or a policy with fewer random actions"
         _refuse_count(f"{self.model.task.id} has {number} {kind} under this policy; the limit is {most:,}", hint)
 

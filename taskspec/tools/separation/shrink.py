@@ -75,9 +75,7 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
         for way in ("stay", "start", "end"):
             rows = []
             for s, by_action in enumerate(task.outcomes):
-                target = s
-                if way == "start":
-                    target = first
+                target = first if way == "start" else s
                 rows.append(tuple(_redirected(outcomes, gone, target, way == "end") for outcomes in by_action))
             start = list(task.start)
             start[gone] = 0.0

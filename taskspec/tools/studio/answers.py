@@ -133,9 +133,7 @@ def scores(asked: Question) -> dict[str, Any]:
     raise_if_errors(sound.diagnostics)
     solved = results_of(task)
     facts = gather(Report(task, (), sound.method, results=solved))
-    title = "Scores"
-    if solved.model is not None:
-        title = "Exact scores"
+    title = "Exact scores" if solved.model is not None else "Scores"
     return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": solved.why_not}
 
 
@@ -321,9 +319,7 @@ def _python(asked: Question) -> str:
 
 
 def _command(asked: Question) -> str:
-    options = []
-    if asked.variant is not None:
-        options = ["-v", asked.variant]
+    options = ["-v", asked.variant] if asked.variant is not None else []
     for each in asked.parameters.items():
         options += ["-p", assigned([each])]
     for modifier in asked.modifiers:

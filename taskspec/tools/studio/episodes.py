@@ -66,9 +66,7 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     model = lasting(model)
     plan_name = str(message.get("plan", "optimal"))
     rule = _rule(results, plan_name, float(message.get("temperature") or 1.0))
-    last = 0
-    if model.horizon is not None:
-        last = model.horizon - 1
+    last = model.horizon - 1 if model.horizon is not None else 0
     t = min(max(int(message.get("time") or 0), 0), last)
     plan = tables(model, rule)
     Q, V = _evaluated(model, plan, t)

@@ -23,10 +23,7 @@ def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     world = world_of(case.task, Experience())
     shown = case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
-    if len(first):
-        rows = int(first[0])
-    else:
-        rows = len(shown)
+    rows = int(first[0]) if len(first) else len(shown)
     seen = world.seen(np.asarray(shown.obs)[:rows])
     acts = world.head.vectors.flat(np.asarray(shown.acts)[:rows])
     data = (np.asarray(seen, np.float32), acts)

@@ -177,10 +177,7 @@ def train_adversarial(config: Adversarial, case: LearnerCase) -> list[NetPolicy]
     training = AdversarialRound(config, policy_update(config.policy, world))
     counted = round(training.each * config.every / config.budget_factor)
     shown = demonstration_inputs(world, case.demonstrations)
-    if config.minus_log_policy:
-        pay = "f"
-    else:
-        pay = config.pay
+    pay = "f" if config.minus_log_policy else config.pay
 
     def found(contest: AdversarialState) -> list[NetPolicy]:
         rewards = lambda i: training.judge.reward.learned(seed_slice(contest.nets, i), pay)  # noqa: E731
