@@ -68,7 +68,7 @@ def sweep(
     files = [output / f"{name}.{kind}" for kind in wanted]
     for kind, path in zip(wanted, files, strict=True):
         if kind in PICTURES:
-            picture.draw(swept.experiment, swept.rows, path)
+            chart.save(picture.figure(swept.experiment, swept.rows), path)
         else:
             WRITERS[kind](swept.rows, path)
     if json:

@@ -19,7 +19,7 @@ from taskspec.learn.exam.results import NAME, Exam, folder_name
 from taskspec.learn.exam.verdicts import by_seed, mean_score
 from taskspec.learn.experiments.experiment_file import ExperimentFile
 from taskspec.learn.experiments.instances import Instance, expand
-from taskspec.learn.experiments.picture import draw
+from taskspec.learn.experiments.picture import figure
 from taskspec.learn.experiments.sweeping import Measured
 from taskspec.learn.jobs.running import Running
 from taskspec.show.figures import chart
@@ -87,7 +87,7 @@ class LearnersExamined:
             written += report.write_several(self.exams, self.folder, chart.possible(["html", "svg"]))
         if self.experiment is not None and chart.is_available() and any(each.varied for each in self.instances):
             path = self.folder / f"{safe_name(self.experiment.name)}.svg"
-            draw(self.experiment, self.rows(), path, tuple(self.exams))
+            chart.save(figure(self.experiment, self.rows(), tuple(self.exams)), path)
             written.append(path)
         return written
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.exact.scores.difficulty import MEASURES
@@ -102,7 +102,7 @@ def find(source: str | os.PathLike[str]) -> Path:
     if len(named) == 1:
         return next(iter(named.values()))
     hint = suggest(str(source), known) or f"a path ends in .yaml; with the suites come {', '.join(known) or 'none'}"
-    raise SpecError([Diagnostic("E710", None, f"there is no experiment '{source}'", hint)])
+    raise spec_error("E710", f"there is no experiment '{source}'", hint)
 
 
 def shipped() -> dict[str, Path]:
@@ -184,20 +184,21 @@ def _check_shown(written: ExperimentFile, collector: Collector) -> None:
 def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
     """Report more episodes for each policy, or for each estimate, than are allowed."""
     experiment = written.experiment
+    rolled_out = 1
     if experiment.policies:
         rolled_out = experiment.seeds or 1
-    else:
-        rolled_out = 1
     episodes = experiment.episodes * rolled_out
     most = limits().episodes
-    if episodes > most:
-        if rolled_out > 1:
-            times = f" ({experiment.episodes:,} with each of {rolled_out:,} seeds)"
-        else:
-            times = ""
-        message = f"{episodes:,} episodes{times} are too many; the limit is {most:,}"
-        place: Place = ("episodes",) if experiment.episodes > most or rolled_out == 1 else ("seeds",)
-        collector.add("E314", written.document.span(place), message, how_to_raise("episodes", episodes))
+    if episodes <= most:
+        return
+    times = ""
+    if rolled_out > 1:
+        times = f" ({experiment.episodes:,} with each of {rolled_out:,} seeds)"
+    section = "seeds"
+    if experiment.episodes > most or rolled_out == 1:
+        section = "episodes"
+    message = f"{episodes:,} episodes{times} are too many; the limit is {most:,}"
+    collector.add("E314", written.document.span((section,)), message, how_to_raise("episodes", episodes))
 
 
 def _check_learners(written: ExperimentFile, collector: Collector) -> None:
@@ -218,4 +219,4 @@ def _check_learners(written: ExperimentFile, collector: Collector) -> None:
                 learner(name)
         except SpecError as error:
             place = written.document.span(("learners", i))
-            collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
+            collector.extend(replace(d, span=d.span or place) for d in error.diagnostics)

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, spec_error
+from taskspec.base.diagnostics import Collector, Span, SpecError, spec_error
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.builder import Builder
@@ -50,7 +50,7 @@ def too_many(wanted: int) -> SpecError:
     """Return the error that there would be more instances than the limit."""
     most = limits().instances
     message = f"{wanted:,} instances are too many; the limit is {most:,}"
-    return SpecError([Diagnostic("E314", None, message, how_to_raise("instances", wanted))])
+    return spec_error("E314", message, how_to_raise("instances", wanted))
 
 
 def listed(written: Any, kind: str) -> list[Any] | Draw:

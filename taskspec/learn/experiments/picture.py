@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,23 +38,17 @@ MARGIN = 0.6
 """Room for numbers beside a panel, in inches."""
 
 
-def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners: tuple[str, ...] = ()) -> None:
-    """Write an SVG, PNG or PDF file; the same rows give the same bytes.
+def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Chart:
+    """Return the picture, without instances that have no results; the same rows give the same bytes.
 
     Args:
         experiment: the experiment.
         rows: its results.
-        path: the file.
         learners: whose scores are drawn, in place of returns.
 
     Raises:
-        SpecError: E705 without matplotlib; E716 for a file that cannot be written.
+        SpecError: E705 without matplotlib.
     """
-    chart.save(figure(experiment, rows, learners), path)
-
-
-def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Chart:
-    """Return the picture, without instances that have no results; arguments are those of `draw`."""
     if learners:
         logs = [name for name in experiment.plot.log if name != "value"]
         plot = experiment.plot.model_copy(update={"show": list(learners), "log": logs})

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base import __version__
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 
 
 def code_hash(path: Path | str, function: str) -> str:
@@ -57,8 +57,7 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
             about = file.stat()
             contents[file], imports = _read(file, about.st_mtime_ns, about.st_size)
         except OSError as error:
-            message = f"cannot read {str(file)!r}: {error.strerror or error}"
-            raise SpecError([Diagnostic("E710", None, message)]) from error
+            raise spec_error("E710", f"cannot read {str(file)!r}: {error.strerror or error}") from error
         for module, level in imports:
             if 0 < level <= len(file.parents):
                 waiting += _files(module, [file.parents[level - 1]], set())

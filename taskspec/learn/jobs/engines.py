@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from loky import ProcessPoolExecutor, cpu_count
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.extras import need
 from taskspec.learn.jobs.work import GRACE, Ending, begin, late, pack, perform
 
@@ -287,7 +287,7 @@ def _quiet() -> Iterator[None]:
 
 def _no_cluster(message: str) -> SpecError:
     hint = "check that its scheduler and workers run, with taskspec installed; finished results are kept"
-    return SpecError([Diagnostic("E723", None, message, hint)])
+    return spec_error("E723", message, hint)
 
 
 @cache

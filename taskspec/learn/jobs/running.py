@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import append_text
 from taskspec.base.limits import tell
 from taskspec.learn.jobs.engines import AHEAD, HEARTBEAT, Cluster, Workers, cluster
@@ -45,11 +45,11 @@ class Running:
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise _invalid("a cluster has as many workers as it has", "leave the number of workers out")
+            raise spec_error("E713", "a cluster has as many workers as it has", "leave the number of workers out")
         if self.workers is not None and self.workers < 1:
-            raise _invalid(f"{self.workers} workers can do nothing", "give 1 or more")
+            raise spec_error("E713", f"{self.workers} workers can do nothing", "give 1 or more")
         if self.seconds is not None and not self.seconds > 0:
-            raise _invalid(f"no job ends within {self.seconds:g} s", "give more than 0")
+            raise spec_error("E713", f"no job ends within {self.seconds:g} s", "give more than 0")
 
 
 def _engine(running: Running, workers: Workers | None) -> AbstractContextManager[Workers | Cluster]:
@@ -112,10 +112,6 @@ def run_many(
                 this.do(itertools.chain([first], todo), engine)
                 while this.suspects:
                     this.do(iter([this.suspects.pop(0)]), engine)
-
-
-def _invalid(message: str, hint: str) -> SpecError:
-    return SpecError([Diagnostic("E713", None, message, hint)])
 
 
 @dataclass

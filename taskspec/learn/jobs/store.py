@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 
 T = TypeVar("T")
 Status = Literal["done", "failed", "timed_out", "quarantined"]
@@ -132,11 +132,11 @@ class Store:
         if keys is None:
             return self._read("select * from results order by rowid")
         wanted = list(keys)
-        found = self._read("select * from results where key in (select value from json_each(?))", json.dumps(wanted))
-        return {key: found[key] for key in wanted if key in found}
+        known = self._read("select * from results where key in (select value from json_each(?))", json.dumps(wanted))
+        return {key: known[key] for key in wanted if key in known}
 
     def _read(self, question: str, *values: str) -> dict[str, JobResult]:
-        found = dict[str, JobResult]()
+        results = dict[str, JobResult]()
         with self._reported():
             for entry in self._database.execute(question, values):
                 key, name, status, result, message, seconds, attempts = entry
@@ -144,10 +144,10 @@ class Store:
                     json.loads(result or "null")
                     if (status == "done") != (result is not None):
                         raise ValueError(f"its status is {status!r}")
-                    found[key] = JobResult(key, name, status, result, message, float(seconds), int(attempts))
+                    results[key] = JobResult(key, name, status, result, message, float(seconds), int(attempts))
                 except (TypeError, ValueError) as error:
                     raise self.damaged(name, str(error)) from error
-        return found
+        return results
 
     def record(self, rows: Sequence[JobResult]) -> None:
         """Keep results, all or none. They replace earlier ones of jobs that were not done, and no others.
@@ -200,7 +200,7 @@ class Store:
         return self._foreign(f"is damaged: the entry of {str(name)!r} cannot be read ({reason})", hint)
 
     def _foreign(self, what: str, hint: str) -> SpecError:
-        return SpecError([Diagnostic("E721", None, f"{str(self.path)!r} {what}; it was left as it is", hint)])
+        return spec_error("E721", f"{str(self.path)!r} {what}; it was left as it is", hint)
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
@@ -210,10 +210,9 @@ class Store:
         except (sqlite3.OperationalError, OSError) as error:
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
                 message = f"another process is writing to {str(self.path)!r}"
-                hint = "wait until it is finished, or give another file"
-                raise SpecError([Diagnostic("E722", None, message, hint)]) from error
-            message = f"cannot use {str(self.path)!r}: {getattr(error, 'strerror', None) or error}"
-            raise SpecError([Diagnostic("E716", None, message)]) from error
+                raise spec_error("E722", message, "wait until it is finished, or give another file") from error
+            reason = getattr(error, "strerror", None) or error
+            raise spec_error("E716", f"cannot use {str(self.path)!r}: {reason}") from error
         except sqlite3.DatabaseError as error:
             raise self._foreign(f"holds no results of taskspec ({error})", "give another place") from error
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.language.source import Document, read_file
 from taskspec.language.source import Path as Place
 from taskspec.learn.learners.built_in import BUILT_IN, Learner
@@ -42,7 +42,7 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
         return _in_family(BUILT_IN[name], family)
     if not name.endswith((".yaml", ".yml")):
         hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
-        raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
+        raise spec_error("E725", f"there is no learner '{name}'", hint)
     document = read_file(Path(source))
     chosen = _in_family(_named_in(document), document.data.get("family", family))
     if "settings" not in document.data:
@@ -54,10 +54,10 @@ def _named_in(document: Document) -> Learner:
     data = document.data
     if not isinstance(data, dict) or "learner" not in data:
         raise SpecError([Diagnostic("E203", document.span(()), "a learner's file says which one: `learner: bc`")])
-    stray = next((key for key in data if key not in _KEYS), None)
-    if stray is not None:
-        hint = suggest(stray, _KEYS) or f"it has {', '.join(_KEYS)}"
-        raise SpecError([Diagnostic("E202", document.key_span((stray,)), f"unknown key `{stray}`", hint)])
+    for key in data:
+        if key not in _KEYS:
+            hint = suggest(key, _KEYS) or f"it has {', '.join(_KEYS)}"
+            raise SpecError([Diagnostic("E202", document.key_span((key,)), f"unknown key `{key}`", hint)])
     for key, known in (("learner", BUILT_IN), ("family", FAMILIES)):
         if key in data and data[key] not in known:
             near = suggest(str(data[key]), tuple(known))
@@ -69,7 +69,7 @@ def _named_in(document: Document) -> Learner:
 def _in_family(entry: Learner, family: str) -> Learner:
     if family not in FAMILIES:
         hint = suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}"
-        raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
+        raise spec_error("E713", f"there is no family '{family}'", hint)
     settings = entry.settings
     if family != "paper":
         document = read_file(_FOLDER / f"{family}_settings.yaml")
@@ -109,9 +109,10 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
             hint = suggest(name, types) or f"it has {', '.join(types)}"
             problems.append(Diagnostic("E202", document.key_span(place), message, hint))
             continue
-        section = next((t for t in (types[name], *get_args(types[name])) if is_dataclass(t)), None)
-        if section is not None and value is not None:
-            values[name] = _changed(getattr(base, name) or section(), value, document, place, problems)  # type: ignore[operator]
+        sections = list(filter(is_dataclass, (types[name], *get_args(types[name]))))
+        if sections and value is not None:
+            present = getattr(base, name) or sections[0]()  # type: ignore[operator]
+            values[name] = _changed(present, value, document, place, problems)
             continue
         try:
             values[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)

@@ -23,19 +23,10 @@ from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 from taskspec.base import __version__
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError
-from taskspec.tools.authoring import (
-    Analysis,
-    analyse,
-    complete,
-    definition,
-    hover,
-    name_at,
-    references,
-    rename,
-    signature_at,
-)
+from taskspec.tools.authoring import meanings
+from taskspec.tools.authoring.analysis import Analysis, analyse
+from taskspec.tools.authoring.completion import complete
 from taskspec.tools.authoring.formatting import formatted
-from taskspec.tools.authoring.meanings import TOKEN_KINDS, tokens
 from taskspec.tools.editor.checks import LastCheck, check
 
 _KINDS = {
@@ -180,7 +171,7 @@ def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
 def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
     """Return what the word at a place means."""
     analysis, document = ls.analysis(params.text_document.uri)
-    text = hover(analysis, document.offset_at_position(params.position))
+    text = meanings.hover(analysis, document.offset_at_position(params.position))
     if text is None:
         return None
     return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text))
@@ -190,7 +181,7 @@ def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
 def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
     """Return where the name at a place is declared."""
     analysis, document = ls.analysis(params.text_document.uri)
-    span = definition(analysis, document.offset_at_position(params.position))
+    span = meanings.definition(analysis, document.offset_at_position(params.position))
     if span is None:
         return None
     return lsp.Location(document.uri, _range(span, document))
@@ -200,7 +191,7 @@ def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
 def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
     """Return every place of the name at a place."""
     analysis, document = ls.analysis(params.text_document.uri)
-    spans = references(analysis, name_at(analysis, document.offset_at_position(params.position)))
+    spans = meanings.references(analysis, meanings.name_at(analysis, document.offset_at_position(params.position)))
     return [lsp.Location(document.uri, _range(span, document)) for span in spans]
 
 
@@ -211,13 +202,13 @@ def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
     A name that another file declares is renamed there.
     """
     analysis, document = ls.analysis(params.text_document.uri)
-    name = name_at(analysis, document.offset_at_position(params.position))
+    name = meanings.name_at(analysis, document.offset_at_position(params.position))
     if name is None or not analysis.declarations[name].path:
         return None
-    changes = {document.uri: [_edit(each, document) for each in rename(analysis, name, params.new_name)]}
+    changes = {document.uri: [_edit(each, document) for each in meanings.rename(analysis, name, params.new_name)]}
     for other, place in _extending(ls, Path(document.path)):
         if name in other.declarations and not other.declarations[name].path:
-            changes[place.uri] = [_edit(each, place) for each in rename(other, name, params.new_name)]
+            changes[place.uri] = [_edit(each, place) for each in meanings.rename(other, name, params.new_name)]
     return lsp.WorkspaceEdit(changes=changes)
 
 
@@ -264,20 +255,21 @@ def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSy
 
 
 @server.feature(
-    lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL, lsp.SemanticTokensLegend(token_types=list(TOKEN_KINDS), token_modifiers=[])
+    lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL,
+    lsp.SemanticTokensLegend(token_types=list(meanings.TOKEN_KINDS), token_modifiers=[]),
 )
 def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
     """Return the names and functions in the expressions of a document, each relative to the one before."""
     analysis, document = ls.analysis(params.text_document.uri)
     data: list[int] = []
     line = column = 0
-    for kind, span in tokens(analysis):
+    for kind, span in meanings.tokens(analysis):
         place = _range(span, document)
         start = place.start.character
         if place.start.line == line:
             start -= column
         length = place.end.character - place.start.character
-        data += [place.start.line - line, start, length, TOKEN_KINDS.index(kind), 0]
+        data += [place.start.line - line, start, length, meanings.TOKEN_KINDS.index(kind), 0]
         line = place.start.line
         column = place.start.character
     return lsp.SemanticTokens(data)
@@ -302,7 +294,7 @@ def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
 def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
     """Return how the function is called whose arguments are being written."""
     analysis, document = ls.analysis(params.text_document.uri)
-    call = signature_at(analysis, document.offset_at_position(params.position))
+    call = meanings.signature_at(analysis, document.offset_at_position(params.position))
     if call is None:
         return None
     written, doc, argument = call

@@ -7,12 +7,12 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, product
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from taskspec.base.arrays import Array, end_to_end, part_at
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import Model, misused, refuse
@@ -227,7 +227,8 @@ class _Tree:
             number = f"more than {count_of(COUNTED)}"
         kind = f"groups of {size} episodes" if size > 1 else "episodes"
         hint = how_to_raise("enumerated", count) or "choose a shorter task, or a policy with fewer random actions"
-        _refuse_count(f"{self.model.task.id} has {number} {kind} under this policy; the limit is {most:,}", hint)
+        message = f"{self.model.task.id} has {number} {kind} under this policy; the limit is {most:,}"
+        raise spec_error("E729", message, hint)
 
     def count_from(self, start: int) -> int:
         """Return the number of episodes from a state, by dynamic programming over the states that are reached."""
@@ -237,7 +238,7 @@ class _Tree:
         while paths and ended + sum(paths.values()) <= COUNTED:
             if self.model.horizon is None and t > self.model.n_states:  # some state is visited again and again
                 message = f"{self.model.task.id} has infinitely many episodes under this policy"
-                _refuse_count(message, "give the task a horizon")
+                raise spec_error("E729", message, "give the task a horizon")
             after: dict[int, int] = defaultdict(int)
             for s, number in paths.items():
                 for _, step in self.branches(t, s):
@@ -305,7 +306,3 @@ class _Tree:
         for t, s in zip(times, states, strict=True):
             shown.append(part_at(self.seen.at(t), slice(s, s + 1)))
         return end_to_end(shown)
-
-
-def _refuse_count(message: str, hint: str) -> NoReturn:
-    raise SpecError([Diagnostic("E729", None, message, hint)])

@@ -74,12 +74,11 @@ def _root(values: Array) -> Array:
     """Return square roots: fractions of fractions."""
     if values.dtype != object:
         return np.sqrt(values)
-    roots = np.empty(values.shape, dtype=object)
-    roots.reshape(-1)[:] = [_fraction_root(Fraction(value)) for value in values.reshape(-1)]
-    return roots
+    return np.asarray(np.vectorize(_fraction_root, otypes=[object])(values))
 
 
-def _fraction_root(value: Fraction) -> Fraction:
+def _fraction_root(value: Any) -> Fraction:
+    value = Fraction(value)
     root = Fraction(math.isqrt(value.numerator), math.isqrt(value.denominator))
     if root * root != value:
         misused(f"the standard deviation of these rewards is the root of {value}, which is no fraction", "give floats")

@@ -14,7 +14,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import merge, variant_names
 from taskspec.programs.scalar import compile_scalar
-from taskspec.tools.authoring import analyse
+from taskspec.tools.authoring.analysis import analyse
 from taskspec.tools.authoring.formatting import fixed, formatted
 from tests.shared.sparse import sparse
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.tools.authoring import analyse, complete, definition, hover, rename, signature_at
-from taskspec.tools.authoring.analysis import own
+from taskspec.tools.authoring.analysis import analyse, own
+from taskspec.tools.authoring.completion import complete
 from taskspec.tools.authoring.formatting import fixed
-from taskspec.tools.authoring.meanings import tokens
+from taskspec.tools.authoring.meanings import definition, hover, rename, signature_at, tokens
 from taskspec.tools.authoring.repair import cursor
 from tests.shared.sparse import sparse
 
