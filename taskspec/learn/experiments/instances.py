@@ -22,15 +22,7 @@ from taskspec.language.task.parts import Parameter
 from taskspec.language.task.task import Task
 from taskspec.learn.documents.document_models import SPANS, TaskEntry
 from taskspec.learn.experiments.experiment_file import ExperimentFile, check_axes, check_questions
-from taskspec.learn.experiments.parameter_values import (
-    Assignment,
-    Axis,
-    Values,
-    combinations,
-    listed,
-    sample,
-    too_many,
-)
+from taskspec.learn.experiments.parameter_values import Assignment, Axis, Values, combinations, listed, sample, too_many
 from taskspec.learn.jobs.store import DiskList
 
 # The modifiers of an experiment: an argument may have several values, each of which makes instances of its own.

@@ -281,11 +281,7 @@ class Swept:
 
 
 def sweep(
-    written: ExperimentFile,
-    store: Path,
-    *,
-    expanded: Expanded | None = None,
-    running: Running | None = None,
+    written: ExperimentFile, store: Path, *, expanded: Expanded | None = None, running: Running | None = None
 ) -> Swept:
     """Measure every instance that has no result in the store yet.
 

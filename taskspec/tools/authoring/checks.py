@@ -38,10 +38,7 @@ READERS = {"exam": read_exam, "findings": read_findings}
 
 
 def check_files(
-    others: Sequence[tuple[Path, Kind]],
-    files: Sequence[File],
-    prove: Callable[..., Report],
-    jobs: int | None = None,
+    others: Sequence[tuple[Path, Kind]], files: Sequence[File], prove: Callable[..., Report], jobs: int | None = None
 ) -> list[FileReport]:
     """Check experiments, exams and findings, then specs.
 

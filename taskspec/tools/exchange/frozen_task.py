@@ -119,11 +119,7 @@ class FrozenTask:
 
     def called(self, name: str, title: str, summary: str, description: str) -> FrozenTask:
         """Return the same task with a name and a text of its own; states and actions are numbered."""
-        text = {
-            "title": title,
-            "summary": summary,
-            "description": "\n".join(textwrap.wrap(description, 110)),
-        }
+        text = {"title": title, "summary": summary, "description": "\n".join(textwrap.wrap(description, 110))}
         states = numbered("s", len(self.states))
         actions = numbered("a", len(self.actions))
         return replace(self, name=name, states=states, actions=actions, text=text)
