@@ -63,7 +63,6 @@ def _options(config: pytest.Config) -> dict[str, Any]:
 
 
 def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str, Any], out: str | None) -> ExamOutcome:
-    """Run an exam whose arguments are known."""
     __tracebackhide__ = True
     terms = _terms(given)
     folder = None

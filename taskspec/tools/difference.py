@@ -443,7 +443,6 @@ def _looks_alike(one: NamedSteps, other: NamedSteps, where: Array, t: int) -> bo
 
 
 def _acting(x: NamedSteps) -> list[Array]:
-    """States in which episodes act, by time."""
     return [np.flatnonzero(level) for _, level in x.model.levels()]
 
 

@@ -262,7 +262,6 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
 
 
 def _rows(observations: Any) -> list[bytes]:
-    """Return observations (N, *shape), or a dict of them, one by one, as keys."""
     held = [np.asarray(part, np.float64) for part in parts_of(observations)]
     keys = []
     for row in zip(*held, strict=True):

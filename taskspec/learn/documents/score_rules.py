@@ -350,17 +350,12 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return {">": self.slack, ">=": self.slack, "<": -self.slack, "<=": -self.slack}.get(op, 0.0)
 
     def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        tasks: dict[str, None] = {}
-        learners: dict[str, None] = {}
+        named: dict[str, None] = {}
         for node in chain(*map(s.names, exprs)):
-            if not isinstance(node, s.Name):
-                continue
-            name = self.bound.get(node.id, node.id)
-            if name in self.names.tasks or name in self.names.instances:
-                tasks[name] = None
-            if name in self.names.learners:
-                learners[name] = None
-        return tuple(tasks), tuple(learners)
+            if isinstance(node, s.Name):
+                named[self.bound.get(node.id, node.id)] = None
+        tasks = (*self.names.tasks, *self.names.instances)
+        return tuple(filter(tasks.__contains__, named)), tuple(filter(self.names.learners.__contains__, named))
 
     def _text(self, expr: s.Expr) -> str:
         written = expr.place.written
@@ -513,7 +508,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         self._fail("E316", expr, "a group is narrowed by names only", hint)
 
     def _fail(self, code: str, expr: s.Expr, message: str, hint: str | None = None) -> NoReturn:
-        """Report a mistake in a rule that is checked."""
         assert self.collector is not None, message
         place = expr.place
         if code == "E303" and isinstance(expr, s.Call):

@@ -159,7 +159,6 @@ def _unknown(
 
 
 def _check_shown(written: ExperimentFile, collector: Collector) -> None:
-    """Report columns that the plot is to show and the results do not have."""
     experiment = written.experiment
     known = [name for name in COLUMNS if not name.endswith("_status")]
     if experiment.measures is None:
@@ -182,7 +181,6 @@ def _check_shown(written: ExperimentFile, collector: Collector) -> None:
 
 
 def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
-    """Report more episodes for each policy, or for each estimate, than are allowed."""
     experiment = written.experiment
     rolled_out = 1
     if experiment.policies:

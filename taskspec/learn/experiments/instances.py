@@ -16,6 +16,7 @@ from taskspec.exact.policies.adapters import policy_of
 from taskspec.exact.policies.python_files import is_function, place_of
 from taskspec.language import registry
 from taskspec.language.modifiers import MODIFIERS, Modifier, modifier, modify
+from taskspec.language.source import Document
 from taskspec.language.source import Path as Place
 from taskspec.language.task.build import bound_parameters
 from taskspec.language.task.parts import Parameter
@@ -183,28 +184,24 @@ def by_key(known: Iterable[Parameter]) -> dict[str, Parameter]:
     return keys
 
 
+@dataclass
 class _Entry:
     """One task of an experiment; mistakes go to the collector."""
 
-    def __init__(
-        self,
-        written: ExperimentFile,
-        index: int,
-        entry: TaskEntry,
-        collector: Collector,
-        instead: Sequence[Mapping[str, Any]],
-    ) -> None:
-        self.written = written
-        self.index = index
-        self.entry = entry
-        self.collector = collector
-        self.instead = instead
-        self.replaced: frozenset[str] = frozenset()
-        self.document = written.document
-        self.refused: list[Diagnostic] = []
-        self.is_known = False
-        self.names: tuple[str, ...] = ()
-        self.varied: tuple[str, ...] = ()
+    written: ExperimentFile
+    index: int
+    entry: TaskEntry
+    collector: Collector
+    instead: Sequence[Mapping[str, Any]]
+    replaced: frozenset[str] = frozenset()
+    refused: list[Diagnostic] = field(default_factory=list)
+    is_known: bool = False
+    names: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ()
+
+    @property
+    def document(self) -> Document:
+        return self.written.document
 
     def instances(self) -> Iterator[Instance]:
         """Yield the instances; none where something is wrong with the entry itself."""
@@ -319,7 +316,6 @@ class _Entry:
     # -- settings ---------------------------------------------------------------------------------------------------
 
     def _count(self) -> int | None:
-        """Return the number of sampled combinations; None for all."""
         wanted = self.entry.sample
         if wanted is None or isinstance(wanted, int):
             return wanted
@@ -332,13 +328,9 @@ class _Entry:
         return sample(axes, count, getattr(self.entry.sample, "seed", 0))
 
     def _instance(
-        self,
-        source: str,
-        known: Sequence[Parameter],
-        given: dict[str, Any],
-        varied: tuple[str, ...],
+        self, source: str, known: Sequence[Parameter], given: dict[str, Any], varied: tuple[str, ...],
         over: Sequence[Option],
-    ) -> Instance | None:
+    ) -> Instance | None:  # fmt: skip
         known = self._settled(known, given)
         values = Assignment(known, given, self._value_span, self.collector).values()
         if values is None:

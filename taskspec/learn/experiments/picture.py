@@ -108,20 +108,20 @@ def _axes(plot: Plot, rows: Sequence[Measured]) -> tuple[str | None, str | None,
     for name in rows[0].instance.varied:
         if len({repr(row.instance.varied[name]) for row in rows}) > 1:
             rest.append(name)
-    has_y = plot.y in rest or (len(rest) == 2 and plot.x is None)
-    x = None
-    y = None
-    if plot.y in rest:
-        y = plot.y
-        rest.remove(plot.y)
-    if plot.x in rest:
-        x = plot.x
-        rest.remove(plot.x)
-    elif rest:
-        x = rest.pop(0)
-    if has_y and y is None:
-        y = rest.pop(0)
+    is_map = plot.y in rest or (len(rest) == 2 and plot.x is None)
+    y = _taken(plot.y, rest) if plot.y in rest else None
+    x = _taken(plot.x, rest)
+    if is_map and y is None:
+        y = _taken(None, rest)
     return x, y, rest
+
+
+def _taken(wanted: str | None, names: list[str]) -> str | None:
+    """Take a name out of some: the first where the wanted one is not among them."""
+    if wanted not in names:
+        return names.pop(0) if names else None
+    names.remove(wanted)
+    return wanted
 
 
 def _title(row: Measured, names: Sequence[str]) -> str:
@@ -135,7 +135,6 @@ def _title(row: Measured, names: Sequence[str]) -> str:
 
 
 def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[Measured, ...]]:
-    """Return the rows with equal values of some parameters together."""
     parts: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
         values = tuple(repr(row.instance.varied[name]) for name in names)
@@ -205,7 +204,6 @@ def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Ite
 
 
 def _line(axes: Any, curve: _Curve, is_log: bool) -> None:
-    """Draw a line, its marks, and a band; with one point, an error bar."""
     values = curve.values
     if is_log:
         values = np.where(values > 0, values, np.nan)

@@ -92,7 +92,6 @@ class _Worker:
             self._executor.submit(os.getpid).result()
 
     def _printed(self) -> str:
-        """Return the last part of what was printed since this was asked last."""
         if not self.output.exists():
             return ""
         with self.output.open("r+b") as file:

@@ -193,7 +193,6 @@ class _Run:
         self.report()
 
     def _keep(self, job: Job, text: str) -> None:
-        """Keep what a job printed, under its name."""
         if not text.strip():
             return
         block = f"-- {job.name}\n{text.rstrip()}\n"

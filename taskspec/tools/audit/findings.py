@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
@@ -70,7 +70,7 @@ def why_outside(space: Any, value: Any) -> str | None:
         case spaces.Dict():
             if not isinstance(value, dict) or set(value) != set(space.spaces):
                 return f"has not the keys {', '.join(map(str, space.spaces))}"
-            return _first_outside(list(space.spaces.values()), [value[key] for key in space.spaces])
+            return _first_outside(space.spaces.values(), map(value.get, space.spaces))
         case spaces.Tuple():
             if not isinstance(value, tuple) or len(value) != len(space.spaces):
                 return f"is no tuple of {len(space.spaces)}"
@@ -99,12 +99,8 @@ def _why_another_array(space: Any, value: Any) -> str | None:
     return f"is {value[at]}{where}; its bounds are {space.low[at]} and {space.high[at]}"
 
 
-def _first_outside(spaces: Sequence[Any], values: Sequence[Any]) -> str | None:
-    for space, value in zip(spaces, values, strict=True):
-        why = why_outside(space, value)
-        if why is not None:
-            return why
-    return None
+def _first_outside(spaces: Iterable[Any], values: Iterable[Any]) -> str | None:
+    return next(filter(None, map(why_outside, spaces, values)), None)
 
 
 def reward_type(x: Evidence) -> AuditFinding | None:
@@ -473,7 +469,6 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
 
 
 def _returns(x: Evidence) -> tuple[dict[str, Any], dict[str, list[float]]]:
-    """Return the known returns by name, and by name the returns of episodes."""
     numbers: dict[str, Any] = {}
     sampled: dict[str, list[float]] = {}
     if x.solved is None or x.table is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -21,8 +21,7 @@ from pygls.workspace import TextDocument
 from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 
 from taskspec.base import __version__
-from taskspec.base.codes import codes
-from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError
+from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError, records
 from taskspec.tools.authoring import meanings
 from taskspec.tools.authoring.analysis import Analysis, analyse
 from taskspec.tools.authoring.completion import complete
@@ -91,13 +90,14 @@ class Server(LanguageServer):
     def publish(self, uri: str) -> None:
         """Send the mistakes of a document, with those that the last check found."""
         analysis, document = self.analysis(uri)
-        problems = [_problem(each, document) for each in _problems_here(analysis)]
+        problems = records(_problems_here(analysis))
         if uri in self.checked:
             known = {(each.code, each.message) for each in analysis.diagnostics}
             for each in self.checked[uri].problems_in(analysis.text):
                 if (each["code"], each["message"]) not in known:
-                    problems.append(_reported(each, document))
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
+                    problems.append(each)
+        shown = [_problem(each, document) for each in problems]
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, shown, document.version))
 
 
 server = Server()
@@ -230,7 +230,7 @@ def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
         fix = each.fix
         if fix is None:
             continue
-        problem = _problem(each, document)
+        problem = _problem(records([each])[0], document)
         if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
             continue
         edit = lsp.WorkspaceEdit(changes={document.uri: [_edit(fix, document)]})
@@ -355,7 +355,6 @@ def _start_check(ls: Server, uri: str, pause: float) -> None:
 
 
 async def _check(ls: Server, uri: str, pause: float) -> None:
-    """Check a text without mistakes, and send what is found."""
     await asyncio.sleep(pause)
     analysis, document = ls.analysis(uri)
     if not analysis.attempts or any(each.severity == "error" for each in analysis.diagnostics):
@@ -399,21 +398,13 @@ def _problems_here(analysis: Analysis) -> Iterator[Diagnostic]:
             yield each
 
 
-def _problem(diagnostic: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
+def _problem(problem: Mapping[str, Any], document: TextDocument) -> lsp.Diagnostic:
     place = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
-    if diagnostic.span is not None:
-        place = _range(diagnostic.span, document)
-    return _as_shown(diagnostic.code, place, diagnostic.message, [diagnostic.hint, *diagnostic.notes])
-
-
-def _reported(problem: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
-    place = _client_range(problem["line"], problem["column"], problem["end_line"], problem["end_column"], document)
-    return _as_shown(problem["code"], place, problem["message"], [problem["hint"], *problem["notes"]])
-
-
-def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
-    text = "\n".join([message, *filter(None, remarks)])
-    return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
+    if problem["line"] is not None:
+        place = _client_range(problem["line"], problem["column"], problem["end_line"], problem["end_column"], document)
+    text = "\n".join(filter(None, [problem["message"], problem["hint"], *problem["notes"]]))
+    severity = _SEVERITIES[problem["severity"]]
+    return lsp.Diagnostic(place, text, severity=severity, code=problem["code"], source="taskspec")
 
 
 def _symbol(

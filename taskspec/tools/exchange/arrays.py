@@ -115,7 +115,6 @@ def _by_number(entries: Mapping[Any, Any]) -> dict[int, Any]:
 
 
 def _action(source: ForeignFile, names: list[Any], a: int) -> str:
-    """Return the name of an action; its number where there are no names."""
     if not names and a >= 0:
         return str(a)
     if not 0 <= a < len(names):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import keyword
 import re
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -116,13 +115,6 @@ class FrozenTask:
                         reached.add(outcome.state)
                         waiting.append(outcome.state)
         return frozenset(reached)
-
-    def called(self, name: str, title: str, summary: str, description: str) -> FrozenTask:
-        """Return the same task with a name and a text of its own; states and actions are numbered."""
-        text = {"title": title, "summary": summary, "description": "\n".join(textwrap.wrap(description, 110))}
-        states = numbered("s", len(self.states))
-        actions = numbered("a", len(self.actions))
-        return replace(self, name=name, states=states, actions=actions, text=text)
 
     def remarked(self, *remarks: str) -> FrozenTask:
         """Return the same task with further remarks."""

@@ -132,7 +132,6 @@ def compared(model: Model, frozen: FrozenTask) -> Iterator[ComparedReturn]:
 
 
 def _ours(model: Model, frozen: FrozenTask) -> dict[str, Enclosure]:
-    """Return our returns: rationals where there are some, else with bounds of rounding errors."""
     if model.horizon is None and frozen.is_rational:
         ready = settled(frozen)
         with suppress(Inexact):

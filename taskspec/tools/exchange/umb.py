@@ -224,7 +224,6 @@ class _Archive:
         return [slice(a, b) for a, b in pairwise(bounds)]
 
     def _numbers(self, name: str, kind: Mapping[str, Any], entity: str, usual: int = 0) -> list[Number]:
-        """Return doubles or rationals; the usual number where the file is absent."""
         size = self.sizes[entity]
         if name not in self.files:
             return [Fraction(usual)] * size
@@ -244,7 +243,6 @@ class _Archive:
         return numbers
 
     def _flags(self, name: str) -> frozenset[int]:
-        """Return the states that are marked; none where the file is absent."""
         if name not in self.files:
             return frozenset()
         size = self.sizes["states"]

@@ -74,7 +74,6 @@ class Explorer(anywidget.AnyWidget):
         self.view = about | {"plan": plan, "time": about.get("time", time)}
 
     def _receive(self, _: object, message: dict[str, Any], buffers: object) -> None:
-        """Do what a button asks for."""
         match message:
             case {"act": int(action)}:
                 self.act(action)

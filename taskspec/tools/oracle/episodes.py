@@ -299,7 +299,6 @@ class _Tree:
         )  # fmt: skip
 
     def _shown(self, times: Iterable[int], states: Array) -> Any:
-        """Return the observations (L, *shape) of states at some times."""
         if not self.seen.is_timed:
             return part_at(self.seen.at(0), states)
         shown = []

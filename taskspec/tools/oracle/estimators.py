@@ -85,7 +85,6 @@ def next_values(values: Any, last_values: Any, terminated: Any, truncated: Any, 
 
 
 def _followed(terminated: Array, values: Array) -> Array:
-    """Return values after steps: 0 after a termination."""
     return np.where(terminated, 0, values)
 
 

@@ -71,7 +71,6 @@ def grpo(rewards: Any, *, scale: bool = True, ddof: int = 0, epsilon: Any = 0) -
 
 
 def _root(values: Array) -> Array:
-    """Return square roots: fractions of fractions."""
     if values.dtype != object:
         return np.sqrt(values)
     return np.asarray(np.vectorize(_fraction_root, otypes=[object])(values))

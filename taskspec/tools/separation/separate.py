@@ -8,6 +8,7 @@ seeds again. The result is text on the terminal, a spec, or JSON data.
 from __future__ import annotations
 
 import json
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +25,7 @@ from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.jobs.engines import Workers
 from taskspec.learn.statistics import ALARM, differences, seeds_interval
 from taskspec.show.terminal.styled_text import console, line
-from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
+from taskspec.tools.exchange.frozen_task import FrozenTask, freeze, numbered
 from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.separation import races
 from taskspec.tools.separation.races import Subject
@@ -171,7 +172,6 @@ class Search:
         return scores
 
     def _test(self, subject: Subject) -> bool:
-        """Test a difference on fresh seeds, and keep the task if it is there."""
         self.tests += 1
         one: list[float] = []
         other: list[float] = []
@@ -238,8 +238,14 @@ def finding(separation: Separation, family: str) -> FrozenTask:
         "optimum 1. "
         f"Exact permutation test: p = {separation.p_value:.2g}. Found among {separation.tried} instances of {family}."
     )
-    summary = f"{separation.worse} is worse than {separation.better} here."
-    return fresh.called("Separates", "A task that separates two learners", summary, description)
+    text = {
+        "title": "A task that separates two learners",
+        "summary": f"{separation.worse} is worse than {separation.better} here.",
+        "description": "\n".join(textwrap.wrap(description, 110)),
+    }
+    states = numbered("s", len(fresh.states))
+    actions = numbered("a", len(fresh.actions))
+    return replace(fresh, name="Separates", states=states, actions=actions, text=text)
 
 
 def print_separation(separation: Separation) -> None:
