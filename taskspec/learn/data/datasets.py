@@ -48,10 +48,9 @@ def check_transitions(data: Transitions, is_whole: bool) -> None:
         _check(name, part, (old.dtype,), old.shape)
     goes_on = np.append(np.diff(data.episode) == 0, False)
     is_first = np.append(True, ~goes_on[:-1])
+    begins_late = data.time < 0
     if is_whole:
         begins_late = data.time != 0
-    else:
-        begins_late = data.time < 0
     wrong = {
         "rews": ~np.isfinite(data.rews),
         "episode": (data.episode < 0) | (np.diff(data.episode, prepend=0) < 0),
@@ -97,9 +96,11 @@ def write_table(
     parquet = need("pyarrow.parquet", "parquet", "Parquet")
     held = {}
     for name, values in columns.items():
-        held[name] = arrow.array(np.ravel(values) if np.ndim(values) > 1 else values)
         if np.ndim(values) > 1:
-            held[name] = arrow.FixedSizeListArray.from_arrays(held[name], math.prod(np.shape(values)[1:]))
+            flat_values = arrow.array(np.ravel(values))
+            held[name] = arrow.FixedSizeListArray.from_arrays(flat_values, math.prod(np.shape(values)[1:]))
+        else:
+            held[name] = arrow.array(values)
     table = arrow.table(held)
     kept = None
     if metadata is not None:
@@ -137,7 +138,6 @@ class Format:
     suffix: str
     doc: str
     write: Callable[[Path, Any, str], None]
-    read: Callable[[Path], tuple[dict[str, Any], dict[str, Any]]] | None = None
 
 
 def _write_minari(folder: Path, data: Demonstrations, name: str) -> None:
@@ -175,7 +175,7 @@ def _write_npz(path: Path, data: Data, name: str) -> None:
 
 def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
-        arrays = {name: held[name] for name in held.files}
+        arrays = dict(held)
     return arrays, json.loads(str(arrays.pop("metadata")))
 
 
@@ -195,13 +195,12 @@ def _write_parquet(path: Path, data: Data, name: str) -> None:
     write_table(path, table, {**data.metadata, "shapes": {name: value.shape[1:] for name, value in table.items()}})
 
 
-_FORMATS = (
-    Format("npz", ".npz", "arrays of NumPy", _write_npz, _read_npz),
-    Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_table),
+FORMATS = entries_by_name((
+    Format("npz", ".npz", "arrays of NumPy", _write_npz),
+    Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet),
     Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
     Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
-)
-FORMATS = entries_by_name(_FORMATS)  # the formats by name
+))  # fmt: skip
 
 
 def write(data: Data, path: str | PathLike[str], format: str | None = None) -> None:
@@ -231,7 +230,10 @@ def format_of(path: Path, name: str | None = None) -> Format:
     """Return the format of a name, or of the suffix of a path."""
     if name is not None and name not in FORMATS:
         raise spec_error("E726", f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
-    form = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)
+    form = FORMATS.get(name or "")
+    for known in FORMATS.values():
+        if form is None and path.suffix and known.suffix == path.suffix:
+            form = known
     if form is None:
         raise spec_error("E726", f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
     if form.suffix and path.suffix != form.suffix:
@@ -254,11 +256,9 @@ def read(path: str | PathLike[str]) -> Data:
     place = Path(path)
     if not place.is_file():
         raise spec_error("E710", f"there is no file '{place}'")
-    reader = FORMATS["parquet" if place.suffix == ".parquet" else "npz"].read
-    assert reader is not None
+    read_arrays = read_table if place.suffix == ".parquet" else _read_npz
     try:
-        arrays, metadata = reader(place)
-        return _data(arrays, metadata)
+        return _data(*read_arrays(place))
     except KeyError as error:
         _unreadable(place, f"it has no `{error.args[0]}`")
     except (OSError, EOFError, ValueError, TypeError, BadZipFile, zlib.error) as error:
@@ -305,7 +305,10 @@ def _data(arrays: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
 def _nested(arrays: Mapping[str, Any], name: str) -> Any:
     if name in arrays:
         return arrays[name]
-    parts = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
+    parts = {}
+    for key, value in arrays.items():
+        if key.startswith(f"{name}."):
+            parts[key.removeprefix(f"{name}.")] = value
     if not parts:
         raise KeyError(name)
     return parts

@@ -68,8 +68,12 @@ class Teacher:
         return bool(self.boltzmann or self.equal or self.skipping is not None)
 
     def __str__(self) -> str:
-        changed = [f for f in fields(self) if getattr(self, f.name) != f.default]
-        return " + ".join(f"{f.name}({getattr(self, f.name):g})" for f in changed) or "noiseless"
+        changed = []
+        for setting in fields(self):
+            value = getattr(self, setting.name)
+            if value != setting.default:
+                changed.append(f"{setting.name}({value:g})")
+        return " + ".join(changed) or "noiseless"
 
     def labels(
         self, first: Array, second: Array, near: tuple[Array, Array], ends: tuple[float, float], words: Array
@@ -120,10 +124,9 @@ class Teacher:
 
 def _check(name: str, value: float, low: float, high: float) -> None:
     if not (low <= value <= high and math.isfinite(value)):
+        span = f"a number from {low:g} on"
         if math.isfinite(high):
             span = f"between {low:g} and {high:g}"
-        else:
-            span = f"a number from {low:g} on"
         misused(f"`{name}` of a teacher is {span}, not {value!r}")
 
 
@@ -253,10 +256,7 @@ def preferences(
     acting = policy_of(learned, policy)
     if length is not None:
         length = positive("length", length)
-    if who.needs_range:
-        ends = return_ends(learned, length)
-    else:
-        ends = (0.0, 0.0)
+    ends = return_ends(learned, length) if who.needs_range else (0.0, 0.0)
     whole = recorded(learned, policy, 2 * pairs, None, seed, positive("jobs", jobs))
     segments = _cut(whole, length, seed) if length is not None else whole
     returns = segments.returns(learned.discount)
@@ -282,9 +282,8 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
     worst = results.worst
     optimal = results.optimal
     assert worst is not None and optimal is not None
-    if length is None or task.horizon is None:
-        share = 1.0
-    else:
+    share = 1.0
+    if length is not None and task.horizon is not None:
         share = min(1.0, length / task.horizon)
     if worst.value == optimal.value:
         misused(f"every policy earns {worst.value:g} on {task.id}, so returns have no range")

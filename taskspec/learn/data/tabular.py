@@ -226,15 +226,18 @@ def tabular(task: TaskLike) -> Tabular:
     ends = is_random(terminal) or bool(components_read(terminal) or components_read(terminal, Role.ACTION))
     if ends:
         task = modify(task, "absorbing")
-    if ends:
         model = extract(task, reachable=True)
     else:
         model = lasting(extract(task))
-    over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())  # where the time alone ends episodes
-    horizon = next(over, model.horizon)
+    horizon = model.horizon
+    for t, step in enumerate(model.steps, 1):
+        if not step.P.sum():  # the time alone ends episodes
+            horizon = t
+            break
     first, *others = {id(step): step for step in model.steps[:horizon]}.values()
-    if any((step.R != first.R).any() or (_whole(step) != _whole(first)).nnz for step in others):
-        refuse(f"{task.id} depends on the time", "add a state component that counts the steps")
+    for step in others:
+        if (step.R != first.R).any() or (_whole(step) != _whole(first)).nnz:
+            refuse(f"{task.id} depends on the time", "add a state component that counts the steps")
     going, rewards = _inside(model)
     absorbed = np.zeros(model.n_states, np.bool_)
     if ends:

@@ -62,9 +62,8 @@ def q_learning(case: Case) -> ObservationTable:
     for _ in range(case.steps):
         a = Q.explored(obs, info)
         next_obs, reward, terminated, truncated, info = env.step(Q.first + a)
-        if terminated:
-            V = 0.0
-        else:
+        V = 0.0
+        if not terminated:
             V = Q[next_obs][Q.legal(info)].max()
         Q[obs][a] += STEP_SIZE * (reward + GAMMA * V - Q[obs][a])
         obs = next_obs

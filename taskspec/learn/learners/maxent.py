@@ -85,10 +85,7 @@ def _train(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
         table = np.full((len(pi), count, mdp.n_actions), 1 / mdp.n_actions)
         table[:, observation[running]] = np.moveaxis(pi[:, i][..., running], -1, -2)
         values = np.zeros(count)
-        for states in (
-            np.flatnonzero(mdp.absorbed),
-            running,
-        ):  # if both have the same observation, that of running episodes
+        for states in (np.flatnonzero(mdp.absorbed), running):  # where both are observed alike, the running ones count
             values[observation[states]] = reward[i, states]
         learned.append(TimedPolicy(table, StateReward(values, layout.starts[0]), float(gaps[i]), int(iterations[i])))
     return learned
@@ -152,10 +149,10 @@ def fit(config: Matching, mdp: Tabular, demonstrated: Array, start: Array) -> tu
             break
         m[running] = b1 * m[running] + (1 - b1) * gradient
         v[running] = b2 * v[running] + (1 - b2) * gradient**2
+        c1 = c2 = 1.0
         if config.bias:
-            c1, c2 = (1 - b1 ** (i + 1), 1 - b2 ** (i + 1))
-        else:
-            c1, c2 = (1.0, 1.0)
+            c1 = 1 - b1 ** (i + 1)
+            c2 = 1 - b2 ** (i + 1)
         reward[running] += config.learning_rate * (m[running] / c1) / (np.sqrt(v[running] / c2) + 1e-7)
     return reward, gaps, taken
 

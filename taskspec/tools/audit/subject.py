@@ -156,10 +156,9 @@ class Subject:
         self.name = name
         self.kwargs = dict(kwargs)
         self.longest = math.inf
+        self._function = None
         if is_function(name):
             self._function = function_of(name, "(**kwargs)")
-        else:
-            self._function = None
         env = self.make().env
         self.observation_space = env.observation_space
         self.action_space = copy.deepcopy(env.action_space)

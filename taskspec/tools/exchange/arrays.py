@@ -38,7 +38,7 @@ def write_p(task: FrozenTask) -> bytes:
         row.append([float(o.probability), o.state, float(o.reward), o.ends])
     data: dict[str, Any] = {
         "name": task.name, "horizon": task.steps_in_episode, "discount": float(task.discount), "states": task.states,
-        "actions": task.actions, "initial": [float(p) for p in task.start], "P": P,
+        "actions": task.actions, "initial": np.array(task.start, np.float64).tolist(), "P": P,
     }  # fmt: skip
     if task.labels:
         data["labels"] = {name: sorted(held) for name, held in task.labels.items()}

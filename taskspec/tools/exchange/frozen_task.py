@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -196,6 +197,7 @@ def visited(task: FrozenTask) -> FrozenTask:
     kept = sorted(reached)
     if len(kept) == len(task.states):
         return task
+    is_kept = [s in reached for s in range(len(task.states))]
     index = {s: i for i, s in enumerate(kept)}
     rows = []
     for s in kept:
@@ -208,16 +210,13 @@ def visited(task: FrozenTask) -> FrozenTask:
         rows.append(tuple(moved))
     seen = task.seen
     if seen is not None:
-        seen = tuple(seen[s] for s in kept)
-    values = task.values
-    if values:
-        values = tuple(values[s] for s in kept)
+        seen = tuple(compress(seen, is_kept))
     labels = {}
     for name, held in task.labels.items():
         labels[name] = frozenset(index[s] for s in held.intersection(index))
     return replace(
-        task, states=tuple(task.states[s] for s in kept), start=tuple(task.start[s] for s in kept), outcomes=tuple(rows),
-        seen=seen, values=values, width=None, labels=labels,
+        task, states=tuple(compress(task.states, is_kept)), start=tuple(compress(task.start, is_kept)), outcomes=tuple(rows),
+        seen=seen, values=tuple(compress(task.values, is_kept)), width=None, labels=labels,
     )  # fmt: skip
 
 

@@ -176,7 +176,7 @@ def assembled(source: ForeignFile, contents: Contents) -> FrozenTask:
     actions = _actions(rows)
     _check_sizes(source, contents, len(actions))
     _check_observations(source, contents)
-    names = [str(name) for name in contents.states or range(len(rows))]
+    names = list(map(str, contents.states or range(len(rows))))
     start = [contents.start.get(s, Fraction(0)) for s in range(len(rows))]
     outcomes = []
     for s, row in enumerate(rows):

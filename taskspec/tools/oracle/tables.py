@@ -126,7 +126,7 @@ def _rational(table: Array) -> Array:
     """Return a table as rationals: those that are given, and the short fractions near floats."""
     read = Reader(as_written=True)
     values, numbers = np.unique(table, return_inverse=True)
-    fractions = np.array([read(value) for value in values.tolist()], dtype=object)[numbers.reshape(table.shape)]
+    fractions = np.array(list(map(read, values.tolist())), dtype=object)[numbers.reshape(table.shape)]
     if (fractions.sum(axis=-1) != 1).any():
         misused(
             "these probabilities are no short fractions that sum to 1", "give them as fractions, or take `exact=False`"

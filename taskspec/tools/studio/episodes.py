@@ -74,9 +74,7 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
-    lines: list[set[int]] = [set() for _ in model.codes]
-    if model.n_states * model.n_actions <= MOST_PAIRS:
-        lines = _lines(results.task, model)
+    lines = _lines(results.task, model)
     states = []
     for s in sorted(order.tolist()):
         states.append({
@@ -151,12 +149,13 @@ def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int
 
 def _lines(task: Task, model: Model) -> list[set[int]]:
     """Return for each state of a model the lines that decide about it: of branches and rows for next state, reward and end."""
-    sections = ("dynamics", "reward", "terminal", "expert")
+    rows: list[set[int]] = [set() for _ in model.codes]
+    if model.n_states * model.n_actions > MOST_PAIRS:
+        return rows
     written = []
-    for section in sections:
+    for section in ("dynamics", "reward", "terminal", "expert"):
         for _, expr in entries(task, section):
             written.append((expr, SectionScope(task, section)))
-    rows: list[set[int]] = [set() for _ in model.codes]
     for s, a in np.ndindex(model.n_states, model.n_actions):
         reads = model.states.decode(model.codes[s : s + 1]) | model.actions.decode(np.array([a]))
         reads[TIME] = np.zeros(1, np.int64)

@@ -75,9 +75,8 @@ class PreferenceRound:
         self.policy = update
         self.judge = judge
         self.reward = RewardModel(config.reward, update.world, config.policy.discount)
-        if config.novelty is None:
-            self.curious = None
-        else:
+        self.curious = None
+        if config.novelty is not None:
             self.curious = NoveltyBonus(config.novelty, update.world)
         self._adam = optax.adam(config.reward.learning_rate)
         world = update.world
@@ -98,9 +97,8 @@ class PreferenceRound:
         if self.config.kept:
             shapes = jax.eval_shape(lambda k: self.query(learning, k)[0], key)
             kept = jax.tree.map(lambda x: jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype), shapes)
-        if self.curious is None:
-            novel = None
-        else:
+        novel = None
+        if self.curious is not None:
             novel = self.curious.init(third)
         return PreferenceState(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
 
@@ -124,9 +122,8 @@ class PreferenceRound:
         """Return pairs of neighbouring episodes; of single steps, if episodes differ in length."""
         world = self.judge
         rewards = discounted_rewards(world.task, steps, live)
-        if self.alike:
-            order = None
-        else:
+        order = None
+        if not self.alike:
             order = jnp.argsort(1 - live.T.reshape(-1), stable=True)
 
         def paired(x: AnyArray) -> AnyArray:

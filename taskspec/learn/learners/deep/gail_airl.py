@@ -61,10 +61,9 @@ class Discriminator:
         found = self.reward(nets, at)
         if not self.config.minus_log_policy:
             return found
+        spread = actor.deviations
         if self.config.deviation_as_variance:
-            spread = actor.deviations / 2
-        else:
-            spread = actor.deviations
+            spread = spread / 2
         log = self.world.head.log_prob(forward(actor.net, at.seen), spread, at.action)
         return found - jax.lax.stop_gradient(log) * (1 - at.gone)
 
@@ -139,10 +138,9 @@ class AdversarialRound:
 
         learning, steps = jax.lax.scan(round_, contest.learning, keys[1:])
         last = jax.tree.map(lambda x: x[-1], steps)
+        valid = jnp.ones_like(last.ended)
         if self.policy.experience.whole:
             valid = in_complete_episode(last)
-        else:
-            valid = jnp.ones_like(last.ended)
         own = reward_inputs(last.flat())
         recent = contest.recent
         count = contest.count

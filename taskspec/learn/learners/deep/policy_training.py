@@ -55,10 +55,9 @@ def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[Rollo
     first, second = jax.random.split(key)
     world = update.world
     experience = update.experience
+    walk = learning.walk
     if experience.whole:
         walk = world.begin(first, experience.lanes)
-    else:
-        walk = learning.walk
     return world.rollout(walk, sampler(world, learning.policy.actor), second, update.steps)
 
 
@@ -70,10 +69,7 @@ def policies(
     for i, seed in enumerate(case.seeds):
         actor = seed_slice(actors, i)
         layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
-        if rewards is None:
-            reward = None
-        else:
-            reward = rewards(i)
+        reward = None if rewards is None else rewards(i)
         found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
     return found
 

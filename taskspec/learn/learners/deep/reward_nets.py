@@ -75,18 +75,16 @@ class RewardModel:
         inputs = state + (self.world.head.vectors.size if config.inputs == "state, action" else 0)
         layer = INITIALISERS[config.weights]
         theta = net(first, inputs, config.hidden, 1, layer)
+        phi = None
         if config.shaped:
             phi = net(second, state, config.hidden, 1, layer)
-        else:
-            phi = None
         size = self.world.seen.size
         return RewardNets(theta, phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 
     def __call__(self, nets: RewardNets, at: RewardInputs) -> AnyArray:
         state = self._state(nets, at.seen, at.gone)
-        if self.config.inputs == "state":
-            inputs = state
-        else:
+        inputs = state
+        if self.config.inputs != "state":
             inputs = jnp.concatenate([state, at.taken], -1)
         found = forward(nets.theta, inputs, self.config.activation)[..., 0]
         if nets.phi is None:

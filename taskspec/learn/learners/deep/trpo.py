@@ -46,15 +46,16 @@ class TrpoUpdate:
         first, second = jax.random.split(key)
         config = self.config
         head = self.world.head
-        plain = config.weights == "xavier"
-        layers = net(
-            first, self.world.seen.size, config.hidden, head.vectors.size, xavier if plain else orthogonal(0.01)
-        )
+        of_actor = orthogonal(0.01)
+        of_critic = orthogonal(1.0)
+        if config.weights == "xavier":
+            of_actor = of_critic = xavier
+        layers = net(first, self.world.seen.size, config.hidden, head.vectors.size, of_actor)
         actor = PolicyNet(layers, jnp.zeros(head.deviations))
         inputs = critic_input_size(self.world, self.experience.critic_sees_time)
         if config.critic == "ridge":
             return ActorCritic(actor, jnp.zeros(2 * inputs + 4), ())
-        critic = net(second, inputs, config.hidden, 1, xavier if plain else orthogonal(1.0))
+        critic = net(second, inputs, config.hidden, 1, of_critic)
         return ActorCritic(actor, critic, self._adam.init(critic))
 
     def update(
@@ -62,10 +63,9 @@ class TrpoUpdate:
     ) -> ActorCritic:
         """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
         config = self.config
+        lasts = jnp.ones_like(rewards)
         if self.experience.whole:
             lasts = in_complete_episode(steps)
-        else:
-            lasts = jnp.ones_like(rewards)
         seen = critic_observations(self.world, steps, walk, self.experience.critic_sees_time)
         if config.critic == "ridge":
             seen = ridge_features(seen, jnp.concatenate([steps.time, walk.state.time[None]]))

@@ -119,10 +119,9 @@ class World:
         """Take a step in every lane; lanes whose episodes end are reset."""
         program = compile_jax(self.task)
         after, result = program.step(walk.state, acted(program.action, self.head.program_action(action)))
+        gone = jnp.zeros_like(walk.gone)
         if self.absorbs:
             gone = after.values[-1].astype(jnp.float32)
-        else:
-            gone = jnp.zeros_like(walk.gone)
         next_seen = self._vectors(result.observation) * (1 - gone)[:, None]
         ended = result.terminated | result.truncated
         state, first_seen = program.again(after, result)
