@@ -91,15 +91,7 @@ class TaskRelation:
 
 
 def compare(a: Task, b: Task) -> TaskRelation:
-    """Compare two tasks in meaning: exactly if both are finite, otherwise in episodes with the same random words.
-
-    Args:
-        a: a task.
-        b: another task, or another version of the same one.
-
-    Returns:
-        their relation, with the first difference by name where there is one.
-    """
+    """Compare two tasks in meaning: exactly if both are finite, otherwise in episodes with the same random words."""
     relation = _compared(a, b)
     if a.name != b.name:
         return relation

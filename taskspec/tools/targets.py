@@ -76,11 +76,7 @@ GIT = "git:"
 
 
 def task_at(target: str, variant: str | None) -> Task:
-    """Load a task by its id or path, or a spec as it was at a revision.
-
-    Args:
-        target: an id, a path, or `git:REV:PATH`.
-        variant: of the spec; None for the spec itself.
+    """Load a task by its id or path, or a spec as it was at a revision, `git:REV:PATH`.
 
     Raises:
         SpecError: E711 where git cannot give the file, E713 for another form after `git:`, or any mistake in the spec.

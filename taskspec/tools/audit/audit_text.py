@@ -31,12 +31,7 @@ def print_audit(report: Audit) -> None:
 
 
 def print_steps(steps: Sequence[Any], again: Sequence[Any]) -> None:
-    """Print the steps of a trace, and whether a second run gives the same.
-
-    Args:
-        steps: the first run.
-        again: the second run, in a new instance.
-    """
+    """Print the steps of a trace, and whether a second run gives the same."""
     table = Columns("action", "observation", "reward", "end", fold=(1,))
     for step in steps:
         ends = []

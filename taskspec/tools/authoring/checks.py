@@ -40,17 +40,7 @@ READERS = {"exam": read_exam, "findings": read_findings}
 def check_files(
     others: Sequence[tuple[Path, Kind]], files: Sequence[File], prove: Callable[..., Report], jobs: int | None = None
 ) -> list[FileReport]:
-    """Check experiments, exams and findings, then specs.
-
-    Args:
-        others: files that are no specs, with their kinds.
-        files: specs.
-        prove: checks a task; see `examine`.
-        jobs: processes; None for one for each processor.
-
-    Returns:
-        a report of each file, in this order.
-    """
+    """Check experiments, exams and findings, then specs, whose tasks `prove` checks (see `examine`)."""
     checks: list[FileCheck] = [(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
         checks.append((file.path, partial(check_file, file, partial(prove, defaults=not file.parameters))))
@@ -61,13 +51,9 @@ def examine(task: Task, sense: bool = True, defaults: bool = True, all_backends:
     """Check a task.
 
     Args:
-        task: a task without mistakes of form.
         sense: also check sanity, claims and programs, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
         all_backends: whether every backend that is installed is run, not only those that are generated in milliseconds.
-
-    Returns:
-        the report of all checks.
     """
     if not sense:
         return exact.check(task, ranges=False, with_warnings=False, claims=False, programs=())
@@ -150,7 +136,6 @@ def run_checks(checks: Sequence[FileCheck], jobs: int | None = None) -> list[Fil
     """Run checks of files, and return their reports in order.
 
     Args:
-        checks: one for each file.
         jobs: processes; None for one for each processor. In several, reports leave the tasks out.
     """
     processes = min(jobs or os.cpu_count() or 1, len(checks))

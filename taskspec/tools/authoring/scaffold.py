@@ -55,9 +55,6 @@ def write_scaffold(name: str, output: Path | None = None) -> Path:
         name: of the task, such as RiskyPath, or a file, such as risky_path.yaml, after which the task is named.
         output: the file, or a folder for it; by default a file named after the task.
 
-    Returns:
-        the path of the file.
-
     Raises:
         SpecError: E205 for a name that no task can have, E716 where the file exists already.
     """

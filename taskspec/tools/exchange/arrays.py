@@ -58,9 +58,6 @@ def read_p(source: ForeignFile) -> FrozenTask:
 def read_environment(name: str) -> FrozenTask:
     """Return the task of an environment of Gymnasium that has a table `P`.
 
-    Args:
-        name: an id, such as `FrozenLake-v1`.
-
     Raises:
         SpecError: E701 for one that cannot be made, E728 for one without `P`, or whose observations are not its states.
     """

@@ -136,7 +136,6 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
     """Add a copy, for ends alone, of each state that a step enters both with and without an end.
 
     Args:
-        task: the tables.
         everywhere: so that whether an episode ends depends on the next state alone; else only where one step does both.
     """
     ambiguous = _ambiguous(task, everywhere)
@@ -224,7 +223,6 @@ def cleared(task: FrozenTask, known: int = 0) -> FrozenTask:
     """Leave out states that no episode enters, and remark on their number.
 
     Args:
-        task: the tables.
         known: number of these states that need no remark.
     """
     kept = visited(task)
@@ -266,12 +264,6 @@ TIME = "t"
 def freeze(task: Task) -> FrozenTask:
     """Write a task as tables, with its exact returns as claims; all actions are legal there.
 
-    Args:
-        task: a finite task whose observations are functions of the state.
-
-    Returns:
-        the tables, in the rationals of the spec.
-
     Raises:
         SpecError: E712 for a task that has no exact model, is too large, or whose observations are drawn.
     """
@@ -302,13 +294,6 @@ def tables(model: Model, most: int) -> FrozenTask:
     """Write a model as tables of the states that some episode visits.
 
     States in which no episode acts stay as they are and pay nothing. Where the time matters, it becomes part of the state.
-
-    Args:
-        model: an exact model.
-        most: the largest number of states.
-
-    Returns:
-        the tables, without claims.
 
     Raises:
         SpecError: E712 for a model that is too large.

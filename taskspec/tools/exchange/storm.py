@@ -115,10 +115,6 @@ class ComparedReturn:
 def compared(model: Model, frozen: FrozenTask) -> Iterator[ComparedReturn]:
     """Yield the optimal, worst and random return of a task, solved by Storm from a UMB file.
 
-    Args:
-        model: the exact model.
-        frozen: its tables.
-
     Raises:
         SpecError: E705 without stormpy, E712 for a task whose returns are not known.
     """

@@ -209,13 +209,7 @@ class _Archive:
         return list(numbers.tolist())
 
     def _ranges(self, name: str, size: int, whole: int) -> list[slice]:
-        """Return the range of each entity; one after the other where the file is absent.
-
-        Args:
-            name: of the file.
-            size: the number of ranges.
-            whole: where the last one ends.
-        """
+        """Return `size` ranges up to `whole`; one after the other where the file is absent."""
         bounds = [*range(size + 1)]
         if name in self.files:
             bounds = self._array(name, "<u8", size + 1)
