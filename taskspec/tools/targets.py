@@ -335,11 +335,11 @@ def all_tasks(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[li
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
     if others or not named:
-        for found in tasks_in(files_of(others, modifiers=modifiers)):
-            if isinstance(found, SpecError):
-                problems += found.diagnostics
+        for built in tasks_in(files_of(others, modifiers=modifiers)):
+            if isinstance(built, SpecError):
+                problems += built.diagnostics
             else:
-                tasks.append(found)
+                tasks.append(built)
     for target in named:
         try:
             tasks += [modify(task, *modifiers) for task in expand(read(target)).tasks()]
@@ -350,11 +350,11 @@ def all_tasks(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[li
 
 def tasks_named(names: Sequence[str]) -> list[TaskLike]:
     """Return tasks by name; those of an experiment where one is named."""
-    found: list[TaskLike] = []
+    tasks: list[TaskLike] = []
     for name in names:
         written = read_if_experiment(name)
         if written is None:
-            found.append(name)
+            tasks.append(name)
         else:
-            found += expand(written).tasks()
-    return found
+            tasks += expand(written).tasks()
+    return tasks

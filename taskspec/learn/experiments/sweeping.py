@@ -329,17 +329,17 @@ def jobs_of(instances: Iterable[Instance], wanted: Questions) -> Iterator[Job]:
             yield Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, arguments)
 
 
-def _row(instance: Instance, found: JobResult | None, store: Store) -> Measured:
+def _row(instance: Instance, result: JobResult | None, store: Store) -> Measured:
     if instance.problem is not None:
         return Measured(instance, "failed", error=instance.problem)
-    if found is None:
+    if result is None:
         return Measured(instance, "failed", error=f"{str(store.path)!r} has its result no more")
-    if found.status != "done":
-        return Measured(instance, found.status, error=found.message, seconds=found.seconds)
-    if not isinstance(found.value, dict):
-        raise store.damaged(found.name, "it holds no measurements")
-    values = dict(found.value)
-    return Measured(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)
+    if result.status != "done":
+        return Measured(instance, result.status, error=result.message, seconds=result.seconds)
+    if not isinstance(result.value, dict):
+        raise store.damaged(result.name, "it holds no measurements")
+    values = dict(result.value)
+    return Measured(instance, "done", values, values.pop("policies", {}), seconds=result.seconds)
 
 
 MEASURES = ("solution_length", "best_at_random")

@@ -201,9 +201,9 @@ def train_from_preferences(config: Comparing, case: LearnerCase) -> list[NetPoli
     each = training.policy.steps * experience.lanes
     counted = round(each / config.budget_factor)
 
-    def found(survey: PreferenceState) -> list[NetPolicy]:
+    def trained(survey: PreferenceState) -> list[NetPolicy]:
         rewards = lambda i: training.reward.learned(seed_slice(survey.nets, i), "f")  # noqa: E731
         return policies(case, world, survey.learning.policy.actor, rewards)
 
-    plan = Schedule(rounds(case, counted), counted, training.pairs, found)
-    return found(train_seeds(case, training.init, training.advance, plan))
+    plan = Schedule(rounds(case, counted), counted, training.pairs, trained)
+    return trained(train_seeds(case, training.init, training.advance, plan))

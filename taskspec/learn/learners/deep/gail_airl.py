@@ -58,27 +58,27 @@ class Discriminator:
 
     def logit(self, nets: RewardNets, actor: PolicyNet, at: RewardInputs) -> AnyArray:
         """Return l = log D - log(1 - D) of steps (...): above 0 for steps that look like the expert's."""
-        found = self.reward(nets, at)
+        logit = self.reward(nets, at)
         if not self.config.minus_log_policy:
-            return found
+            return logit
         spread = actor.deviations
         if self.config.deviation_as_variance:
             spread = spread / 2
         log = self.world.head.log_prob(forward(actor.net, at.seen), spread, at.action)
-        return found - jax.lax.stop_gradient(log) * (1 - at.gone)
+        return logit - jax.lax.stop_gradient(log) * (1 - at.gone)
 
     def pay(self, nets: RewardNets, actor: PolicyNet, at: RewardInputs) -> AnyArray:
         """Return the rewards (...) that the policy learns from."""
         if self.config.pay == "f":
             return self.reward(nets, at)
-        found = self.logit(nets, actor, at)
+        logit = self.logit(nets, actor, at)
         match self.config.pay:
             case "softplus(l)":
-                return jax.nn.softplus(found)
+                return jax.nn.softplus(logit)
             case "-softplus(-l)":
-                return -jax.nn.softplus(-found)
+                return -jax.nn.softplus(-logit)
             case _:
-                return found
+                return logit
 
     def loss(
         self, trainable: Any, nets: RewardNets, actor: PolicyNet, own: RewardInputs, shown: RewardInputs
@@ -177,10 +177,9 @@ def train_adversarial(config: Adversarial, case: LearnerCase) -> list[NetPolicy]
     shown = demonstration_inputs(world, case.demonstrations)
     pay = "f" if config.minus_log_policy else config.pay
 
-    def found(contest: AdversarialState) -> list[NetPolicy]:
+    def trained(contest: AdversarialState) -> list[NetPolicy]:
         rewards = lambda i: training.judge.reward.learned(seed_slice(contest.nets, i), pay)  # noqa: E731
         return policies(case, world, contest.learning.policy.actor, rewards)
 
-    return found(
-        train_seeds(case, training.init, training.advance, Schedule(rounds(case, counted), counted, shown=found), shown)
-    )
+    plan = Schedule(rounds(case, counted), counted, shown=trained)
+    return trained(train_seeds(case, training.init, training.advance, plan, shown))

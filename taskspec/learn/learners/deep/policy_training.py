@@ -65,13 +65,13 @@ def policies(
     case: LearnerCase, world: World, actors: PolicyNet, rewards: Callable[[int], Any] | None = None
 ) -> list[NetPolicy]:
     """Return a policy for each seed, as NumPy arrays; `rewards` gives the reward that a seed learned."""
-    found = []
+    trained = []
     for i, seed in enumerate(case.seeds):
         actor = seed_slice(actors, i)
         layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
         reward = None if rewards is None else rewards(i)
-        found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
-    return found
+        trained.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
+    return trained
 
 
 def train_ppo(config: Ppo, case: LearnerCase) -> list[NetPolicy]:

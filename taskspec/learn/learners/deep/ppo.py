@@ -90,10 +90,10 @@ class PpoUpdate:
 
     def init(self, key: AnyArray) -> ActorCritic:
         actor, critic = jax.random.split(key)
-        found = init_actor(actor, self.world, self.config.hidden)
+        policy = init_actor(actor, self.world, self.config.hidden)
         inputs = critic_input_size(self.world, self.experience.critic_sees_time)
         judge = net(critic, inputs, self.config.hidden, 1, orthogonal(1.0))
-        return ActorCritic(found, judge, self._adam.init((found, judge)))
+        return ActorCritic(policy, judge, self._adam.init((policy, judge)))
 
     def update(
         self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray

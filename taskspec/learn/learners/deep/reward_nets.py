@@ -50,14 +50,14 @@ def demonstration_inputs(world: World, shown: Demonstrations) -> RewardInputs:
     action = vectors.flat(np.asarray(shown.acts))
     over = np.asarray(shown.terminated & world.absorbs, np.float32)
     seen, following = (world.seen(np.asarray(o)) for o in (shown.obs, shown.next_obs))
-    found = RewardInputs(
+    steps = RewardInputs(
         seen, np.zeros(len(over), np.float32), action, vectors.one_hot(action), following * (1 - over)[:, None], over
     )
     last = shown.starts + shown.lengths - 1
     more = int((over[last] * np.maximum((world.horizon or 0) - shown.lengths, 0)).sum())
-    rest = RewardInputs(*(np.zeros((more, *x.shape[1:]), x.dtype) for x in found))
+    rest = RewardInputs(*(np.zeros((more, *x.shape[1:]), x.dtype) for x in steps))
     rest = rest._replace(gone=np.ones(more, np.float32), next_gone=np.ones(more, np.float32))
-    return RewardInputs(*(jnp.asarray(np.concatenate(pair)) for pair in zip(found, rest, strict=True)))
+    return RewardInputs(*(jnp.asarray(np.concatenate(pair)) for pair in zip(steps, rest, strict=True)))
 
 
 class RewardModel:
@@ -86,12 +86,12 @@ class RewardModel:
         inputs = state
         if self.config.inputs != "state":
             inputs = jnp.concatenate([state, at.taken], -1)
-        found = forward(nets.theta, inputs, self.config.activation)[..., 0]
+        theta = forward(nets.theta, inputs, self.config.activation)[..., 0]
         if nets.phi is None:
-            return found
+            return theta
         after = self._state(nets, at.next_seen, at.next_gone)
         ahead, here = (forward(nets.phi, x, self.config.activation)[..., 0] for x in (after, state))
-        return found + self.discount * ahead - here
+        return theta + self.discount * ahead - here
 
     def _state(self, nets: RewardNets, seen: AnyArray, gone: AnyArray) -> AnyArray:
         if self.config.scaled:

@@ -157,8 +157,8 @@ def conjugate_gradients(product: Product, target: AnyArray, iterations: int) -> 
         after = rest - step * along
         return x, after, after + (after @ after) / jnp.maximum(norm, 1e-20) * way
 
-    found: AnyArray = jax.lax.fori_loop(0, iterations, once, (jnp.zeros_like(target), target, target))[0]
-    return found
+    solution: AnyArray = jax.lax.fori_loop(0, iterations, once, (jnp.zeros_like(target), target, target))[0]
+    return solution
 
 
 def ridge_features(seen: AnyArray, time: AnyArray) -> AnyArray:
