@@ -315,14 +315,9 @@ class Demonstrations(Transitions):
 
 
 def demonstrations(
-    task: TaskLike,
-    policy: Any = "expert",
-    *,
-    episodes: int | None = None,
-    transitions: int | None = None,
-    seed: int = 0,
+    task: TaskLike, policy: Any = "expert", *, episodes: int | None = None, transitions: int | None = None, seed: int = 0,
     jobs: int = 1,
-) -> Demonstrations:
+) -> Demonstrations:  # fmt: skip
     """Record episodes of a policy, in the variant in which the spec's `roles` have the expert act.
 
     Episode i is the first one of the scalar environment after `reset(seed=seed + i)`, for any number of jobs.
@@ -354,10 +349,8 @@ def demonstrations(
     acting = policy_of(demonstrated, policy)
     seed = seed_of(seed)
     data = recorded(demonstrated, policy, episodes, transitions, seed, positive("jobs", jobs))
-    told = described(demonstrated, "demonstrations", acting, seed) | {
-        "episodes": len(data.starts),
-        "transitions": len(data),
-    }
+    told = described(demonstrated, "demonstrations", acting, seed)
+    told |= {"episodes": len(data.starts), "transitions": len(data)}
     return Demonstrations(**columns(data), metadata=told, task=demonstrated)
 
 

@@ -215,15 +215,9 @@ class Preferences:
 
 
 def preferences(
-    task: TaskLike,
-    pairs: int,
-    *,
-    policy: Any = "random",
-    length: int | None = None,
-    teacher: str | Teacher = "noiseless",
-    seed: int = 0,
-    jobs: int = 1,
-) -> Preferences:
+    task: TaskLike, pairs: int, *, policy: Any = "random", length: int | None = None, teacher: str | Teacher = "noiseless",
+    seed: int = 0, jobs: int = 1,
+) -> Preferences:  # fmt: skip
     """Record pairs of a policy's trajectories, in the variant in which the spec's `roles` have the learner act.
 
     Pair i is of episodes 2 i and 2 i + 1 as `demonstrations` records them; its label is a function of the seed and i alone.
@@ -266,9 +260,10 @@ def preferences(
     kept = np.flatnonzero(~np.isnan(labels))
     if not len(kept):
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
-    told = {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept),
-            "range": list(ends) if who.needs_range else None}  # fmt: skip
-    told = described(learned, "preferences", acting, seed) | told
+    told = described(learned, "preferences", acting, seed)
+    told |= {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept), "range": None}
+    if who.needs_range:
+        told["range"] = list(ends)
     return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
 
 

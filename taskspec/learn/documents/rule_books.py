@@ -93,12 +93,8 @@ def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
 
 @lru_cache(64)
 def _read_once(
-    path: Path,
-    model: type[ExamDocument | FindingsDocument],
-    section: str,
-    key: str,
-    stamp: tuple[tuple[str, int, int], ...],
-) -> RuleBook:
+    path: Path, model: type[ExamDocument | FindingsDocument], section: str, key: str, stamp: tuple[tuple[str, int, int], ...]
+) -> RuleBook:  # fmt: skip
     document = read_file(path)
     described, diagnostics = check_document(document, model)
     if described is None:
@@ -120,9 +116,7 @@ def _read_once(
             reader.check_reference(entry.source.key, references, (section, name, "source", "key"))
         reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
     reader.collector.raise_if_errors()
-    same = {}
-    if isinstance(described, ExamDocument):
-        same = described.same
+    same = described.same if isinstance(described, ExamDocument) else {}
     return RuleBook(described, names, tuple(rules), references, same, reader.collector.diagnostics)
 
 

@@ -145,12 +145,11 @@ def examine_all(
         if value is not None:
             terms.setdefault(name, value)
     place = folder or EXAMS / safe_name(experiment.name)
+    terms |= {"suite": tasks[0].source.suite, "tasks": tasks, "running": running}
     exams = dict[str, Exam]()
     folders = dict[str, Path]()
     for learner in written.learners:
         name = folder_name(learner)
         folders[name] = place / name
-        exams[name] = examine(
-            learner, suite=tasks[0].source.suite, tasks=tasks, out=folders[name], running=running, **terms
-        )
+        exams[name] = examine(learner, out=folders[name], **terms)
     return LearnersExamined(place, exams, folders, experiment, expanded.instances, tasks)

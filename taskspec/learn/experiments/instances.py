@@ -26,8 +26,6 @@ from taskspec.learn.experiments.experiment_file import ExperimentFile, check_axe
 from taskspec.learn.experiments.parameter_values import Assignment, Axis, Values, combinations, listed, sample, too_many
 from taskspec.learn.jobs.store import DiskList
 
-# The modifiers of an experiment: an argument may have several values, each of which makes instances of its own.
-
 
 @dataclass(frozen=True, slots=True)
 class Option:

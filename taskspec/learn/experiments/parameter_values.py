@@ -24,8 +24,6 @@ from taskspec.language.expressions.scope import Binding, Lazy, Poisoned, Scope, 
 from taskspec.language.expressions.types import Domain, Kind, Type
 from taskspec.language.task.parts import Parameter
 
-# Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters.
-
 Draw = Callable[[np.random.Generator], Any]
 """A value that is drawn for each setting."""
 KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
@@ -137,12 +135,9 @@ class Assignment:
     """
 
     def __init__(
-        self,
-        known: Sequence[Parameter],
-        given: Mapping[str, Any],
-        span: Callable[[str, int, int], Span],
+        self, known: Sequence[Parameter], given: Mapping[str, Any], span: Callable[[str, int, int], Span],
         collector: Collector,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.known = {p.name: p for p in known}
         self.given = given
         self.span = span

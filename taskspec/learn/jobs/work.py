@@ -91,9 +91,7 @@ def perform(call: bytes, seconds: float | None, limits_itself: bool = False) -> 
     """
     start = time.perf_counter()
     token = _limit.set(seconds)
-    whole = None
-    if not limits_itself:
-        whole = seconds
+    whole = None if limits_itself else seconds
     try:
         with _limited(whole), _alone():
             function, arguments = pickle.loads(call)

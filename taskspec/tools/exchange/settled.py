@@ -56,7 +56,7 @@ def settled(task: FrozenTask) -> FrozenTask:
         if phase == ACTING:
             rows.append(tuple(_moved(task, outcomes, index) for outcomes in task.outcomes[s]))
         else:
-            rows.append(((_free(Fraction(1), i),),))
+            rows.append(((Outcome(Fraction(1), i, Fraction(0), False),),))
             labels[END].add(i)
         if task.seen is not None:
             seen.append(task.seen[s])
@@ -93,13 +93,11 @@ def _places(task: FrozenTask) -> list[Place]:
     return places
 
 
-def _free(probability: Fraction, place: int) -> Outcome:
-    return Outcome(probability, place, Fraction(0), False)
-
-
 def _drawn(task: FrozenTask, index: Mapping[Place, int]) -> Outcomes:
-    shares = _shares([task.start[s] for s in task.starts])
-    return tuple(_free(share, index[s, ACTING]) for s, share in zip(task.starts, shares, strict=True))
+    outcomes = []
+    for s, share in zip(task.starts, _shares([task.start[s] for s in task.starts]), strict=True):
+        outcomes.append(Outcome(share, index[s, ACTING], Fraction(0), False))
+    return tuple(outcomes)
 
 
 def _moved(task: FrozenTask, outcomes: Outcomes, index: Mapping[Place, int]) -> Outcomes:
@@ -149,7 +147,7 @@ def unsettled(task: FrozenTask) -> FrozenTask:
     """
     ends = set()
     for s, by_action in enumerate(task.outcomes):
-        if _is_over(s, by_action):
+        if all(outcome.state == s and not outcome.reward for outcome in chain(*by_action)):
             ends.add(s)
     rows = []
     for by_action in task.outcomes:
@@ -172,10 +170,6 @@ def unsettled(task: FrozenTask) -> FrozenTask:
     if horizon is not None:
         horizon -= 1
     return cleared(replace(plain, start=tuple(start), horizon=horizon, labels=labels), known=1)
-
-
-def _is_over(s: int, by_action: Sequence[Outcomes]) -> bool:
-    return all(outcome.state == s and not outcome.reward for outcome in chain(*by_action))
 
 
 def _drawing(task: FrozenTask) -> int | None:

@@ -168,9 +168,7 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fra
         policy = [{0: Fraction(1)}] * len(ready.outcomes)
     while True:
         V = _policy_values(ready, policy)
-        better = {}
-        if pick is not None:
-            better = _better_actions(ready, V, pick)
+        better = _better_actions(ready, V, pick) if pick is not None else {}
         if not better:
             return V[ready.starts[0]]
         for s, a in better.items():

@@ -111,8 +111,7 @@ def _fewer_actions(task: FrozenTask) -> Iterator[FrozenTask]:
 def _fewer_steps(task: FrozenTask) -> Iterator[FrozenTask]:
     if task.horizon is None or task.last is not None:
         return
-    lengths = sorted({1, 2, task.horizon // 2, task.horizon - 1})
-    for length in lengths:
+    for length in sorted({1, 2, task.horizon // 2, task.horizon - 1}):
         if 1 <= length < task.horizon:
             yield replace(task, horizon=length)
 

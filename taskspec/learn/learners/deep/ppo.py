@@ -124,16 +124,9 @@ class PpoUpdate:
         return ActorCritic(*nets, optimiser)
 
     def loss(
-        self,
-        nets: Any,
-        seen: AnyArray,
-        action: AnyArray,
-        weight: AnyArray,
-        old: AnyArray,
-        critic_observations: AnyArray,
-        advantages: AnyArray,
-        values: AnyArray,
-    ) -> AnyArray:
+        self, nets: Any, seen: AnyArray, action: AnyArray, weight: AnyArray, old: AnyArray, critic_observations: AnyArray,
+        advantages: AnyArray, values: AnyArray,
+    ) -> AnyArray:  # fmt: skip
         """Return the loss over a minibatch, (N, ...) each: clipped surrogate, entropy bonus and squared error of the critic."""
         actor, critic = nets
         config = self.config

@@ -196,12 +196,9 @@ class Schedule:
 
 
 def train_seeds(
-    case: LearnerCase,
-    init: Callable[[AnyArray], Any],
-    advance: Callable[[Any, AnyArray, Any], Any],
-    plan: Schedule,
+    case: LearnerCase, init: Callable[[AnyArray], Any], advance: Callable[[Any, AnyArray, Any], Any], plan: Schedule,
     shared: Any = (),
-) -> Any:
+) -> Any:  # fmt: skip
     """Train all seeds and return their last states, seeds first.
 
     Args:
