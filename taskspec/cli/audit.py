@@ -33,8 +33,7 @@ def audit(
     A small one is tabulated and solved exactly; a large one is sampled. Faults end with exit status 1; facts, such as that
     the state is hidden, do not. Each comes with a trace, a seed and actions, that [green]--replay[/] plays again.
     """
-    from taskspec.tools.audit.audit_text import print_audit, print_steps
-    from taskspec.tools.audit.findings import examined
+    from taskspec.tools.audit.report import examined, print_audit, print_steps
     from taskspec.tools.audit.subject import Subject
 
     given = _kwargs(kwargs)

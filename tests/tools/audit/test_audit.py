@@ -14,7 +14,7 @@ import pytest
 from taskspec.tools.audit import subject as subjects
 from taskspec.tools.audit import tabulate
 from taskspec.tools.audit.evidence import Evidence
-from taskspec.tools.audit.findings import Audit, examined
+from taskspec.tools.audit.report import Audit, examined
 from taskspec.tools.audit.subject import Deadline, Subject, frozen
 from taskspec.tools.audit.tabulate import TableSearch, Untabulated
 from tests.shared.commands import Done
