@@ -16,7 +16,7 @@ from taskspec.cli.console import misuse, progress, write_json
 from taskspec.show.terminal.styled_text import Columns, console, line
 
 if TYPE_CHECKING:
-    from taskspec.tools.difference import TaskRelation
+    from taskspec.tools.difference.relation import TaskRelation
 
 Side = Annotated[
     str,
@@ -43,7 +43,7 @@ def diff(
     that show it. Finite tasks are compared exactly, others in episodes. Of two versions of one task it says whether the
     version in the id must rise. The exit status is 1 if episodes differ.
     """
-    from taskspec.tools.difference import compare
+    from taskspec.tools.difference.relation import compare
     from taskspec.tools.targets import task_at
 
     variants: Sequence[str | None] = variant or [None]

@@ -14,7 +14,7 @@ import yaml
 from taskspec import load
 from taskspec.language import source
 from taskspec.language.task.build import build
-from taskspec.tools.difference import TaskRelation, compare
+from taskspec.tools.difference.relation import TaskRelation, compare
 from tests.shared.for_each import for_each
 from tests.verification.oracle.reference.model import Key, Model
 from tests.verification.oracle.reference.task import Task

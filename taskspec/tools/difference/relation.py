@@ -34,7 +34,14 @@ from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.types import Refused
 from taskspec.language.task.task import Task
 from taskspec.show.record import space
-from taskspec.tools.first_difference import MOST_OUTCOMES, FirstDifference, NamedSteps, few, first_difference, shown
+from taskspec.tools.difference.first_difference import (
+    MOST_OUTCOMES,
+    FirstDifference,
+    NamedSteps,
+    few,
+    first_difference,
+    shown,
+)
 
 Relation = Literal[
     "identical", "same task", "renamed", "scaled reward", "shaped reward", "same optimal policy", "different",

@@ -1,0 +1,1 @@
+"""The difference in meaning between two tasks."""
