@@ -83,7 +83,7 @@ class FrozenTask:
 
     @cached_property
     def is_rational(self) -> bool:
-        """Whether all probabilities are rationals."""
+        """True where all probabilities are rationals."""
         return not any(isinstance(outcome.probability, float) for _, _, outcome in self.steps())
 
     def taken_steps(self) -> Iterator[tuple[int, int, Outcome]]:
