@@ -59,7 +59,7 @@ def keys(task: Task) -> list[dict[str, str]] | None:
 
 
 def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the expected returns and the probabilities of actions of a plan at a time, for each state, and a figure of them."""
+    """Return values and policy of a plan at a time, for each state, and a figure of them; no Q-value of an illegal action."""
     model = results.model
     if model is None:
         refuse(f"there is no exact model: {results.why_not}", results.remedy)
@@ -70,6 +70,7 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     t = min(max(int(message.get("time") or 0), 0), last)
     plan = tables(model, rule)
     Q, V = _evaluated(model, plan, t)
+    Q = model.among_legal(Q, None)
     pi = plan(t)
     (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)

@@ -139,6 +139,17 @@ def test_values_of_other_plans_satisfy_their_own_equations(page: Page, folder: P
         assert model.start @ V == pytest.approx(-122.21875)
 
 
+def test_illegal_actions_have_no_value(page: Page) -> None:
+    text = (
+        "taskspec: 1\nname: Purse\nhorizon: 3\nstate: {s: {type: int, low: 0, high: 2}}\n"
+        "action: {a: {type: int, low: 0, high: 2}}\nlegal: a <= s\ninitial: {s: 2}\ndynamics: {s': 'max(s - a, 0)'}\nreward: a\n"
+    )
+    states = page.ask("values", text=text, path="purse.yaml", settings={}, plan="optimal", time=1)["states"]
+    assert {state["label"]: state["q"] for state in states} == {
+        "s = 0": [0, None, None], "s = 1": [1, 1, None], "s = 2": [2, 2, 2],
+    }  # fmt: skip
+
+
 def test_a_state_has_the_lines_that_decide_about_it(page: Page, folder: Path) -> None:
     asked = about(folder, "risky_path")
     lines = asked["text"].splitlines()

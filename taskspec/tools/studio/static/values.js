@@ -46,7 +46,7 @@ export class ValuesTab {
     const rows = states.map((state) => [
       this.named(state), rounded(state.value), rounded(state.visits), ...actions.map((_, a) => this.action(state, a)),
     ]);
-    const note = quiet("Under the name of an action: its Q-value, and its probability as a bar.");
+    const note = quiet("Under the name of an action: its Q-value, if it is legal, and its probability as a bar.");
     const rest = more ? [quiet(`${more} more states`)] : [];
     return [...picture(figure), table("States", ["state", "value", "visits", ...actions], rows), note, ...rest];
   }
