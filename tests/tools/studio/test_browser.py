@@ -82,6 +82,15 @@ def test_what_was_shown_stays_while_the_text_has_mistakes(studio: Page) -> None:
     expect(studio.score("optimal return")).to_have_text("5")
 
 
+def test_a_tab_says_why_it_has_nothing_to_show(studio: Page) -> None:
+    studio.open("parabola.yaml")
+    panel = studio.show("Values")
+    expect(panel.locator(".problem")).to_contain_text("there is no exact model: 'x' has infinitely many values")
+    assert panel.evaluate("panel => getComputedStyle(panel, '::before').content") == "none"  # "Working it out…"
+    panel = studio.show("Rollouts")
+    expect(panel.locator(".problem")).to_contain_text("the policy 'optimal' is planned on the exact model")
+
+
 def test_names_are_completed_explained_and_renamed(studio: Page) -> None:
     page = studio.page
     studio.replace("horizon: 5", "hori")

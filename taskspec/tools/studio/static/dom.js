@@ -88,13 +88,13 @@ export class Part {
     this.late ??= setTimeout(() => this.element.classList.add(this.content.hasChildNodes() ? "old" : "empty"), LATE);
     const answer = await asked;
     if (answer.outdated) return;
-    const hasMistakes = answer.problems?.length > 0;
-    this.problem.textContent = answer.ok || hasMistakes ? "" : [answer.message, answer.hint].filter(Boolean).join("; ");
+    this.element.removeAttribute("aria-busy");
+    const isInText = answer.problems?.some(({ line }) => line !== null);
+    this.problem.textContent = answer.ok || isInText ? "" : [answer.message, answer.hint].filter(Boolean).join("; ");
     if (!answer.ok) return;
     clearTimeout(this.late);
     this.late = null;
     this.element.classList.remove("old", "empty");
     this.content.replaceChildren(...draw(answer));
-    this.element.removeAttribute("aria-busy");
   }
 }
