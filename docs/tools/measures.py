@@ -25,7 +25,7 @@ from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.experiments.references import GAMMA, STEP_SIZE, ObservationTable
 from taskspec.learn.jobs.running import Running, run
 from taskspec.learn.jobs.store import Job, Store
-from taskspec.learn.learners.learner import learner
+from taskspec.learn.learners.built_in import learner
 from taskspec.learn.observed_policies import observed_value
 from taskspec.show.figures import chart
 from taskspec.show.figures.chart import Chart

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.display import plural, visible
 from taskspec.cli import options
 from taskspec.cli.console import fail, write_json
@@ -38,16 +38,11 @@ def list_(
     with size, horizon, parameters and summary. The size is states × actions.
     """
     from taskspec.show.record import record
-    from taskspec.tools.targets import files_of, outlines_in, tasks_in
+    from taskspec.tools.targets import all_in, files_of, outline_in, task_in
 
-    files = files_of(targets or [])
-    tasks: list[Any] = []
-    problems: list[Diagnostic] = []
-    for each in tasks_in(files) if json else outlines_in(files):
-        if isinstance(each, SpecError):
-            problems += each.diagnostics
-        else:
-            tasks.append(each)
+    tasks: list[Any]
+    read_task: Any = task_in if json else outline_in
+    tasks, problems = all_in(files_of(targets or []), read_task)
     if capability is not None:
         tasks = _isolating(capability, tasks)
     if json:

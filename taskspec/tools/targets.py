@@ -304,28 +304,22 @@ def outline_in(file: File, variant: str | None) -> Task | Outline:
     return outline(_document(file), variant, file.parameters, file.suite)
 
 
-def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
-    """Yield the tasks of files in order, with the error in place of those that cannot be built."""
-    return _each_in(files, task_in)
-
-
-def outlines_in(files: Iterable[File]) -> Iterator[Task | Outline | SpecError]:
-    """Yield the outlines of the tasks of files in order, with the error in place of those that have none."""
-    return _each_in(files, outline_in)
-
-
-def _each_in(files: Iterable[File], read_task: Callable[[File, str | None], T]) -> Iterator[T | SpecError]:
+def all_in(files: Iterable[File], read_task: Callable[[File, str | None], T]) -> tuple[list[T], list[Diagnostic]]:
+    """Return what `task_in` or `outline_in` makes of all tasks of files, in order, and the mistakes in others."""
+    tasks = []
+    problems: list[Diagnostic] = []
     for file in files:
         try:
             variants = variants_of(file)
         except SpecError as error:
             variants = []
-            yield error
+            problems += error.diagnostics
         for variant in variants:
             try:
-                yield read_task(file, variant)
+                tasks.append(read_task(file, variant))
             except SpecError as error:
-                yield error
+                problems += error.diagnostics
+    return tasks, problems
 
 
 def all_tasks(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
@@ -335,11 +329,7 @@ def all_tasks(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[li
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
     if others or not named:
-        for built in tasks_in(files_of(others, modifiers=modifiers)):
-            if isinstance(built, SpecError):
-                problems += built.diagnostics
-            else:
-                tasks.append(built)
+        tasks, problems = all_in(files_of(others, modifiers=modifiers), task_in)
     for target in named:
         try:
             tasks += [modify(task, *modifiers) for task in expand(read(target)).tasks()]
