@@ -237,9 +237,10 @@ def _names(task: FrozenTask, width: int | None) -> tuple[str, ...]:
 
 def _width(task: FrozenTask) -> int | None:
     n = len(task.states)
+    firsts = set(task.starts)
     moves = set()
     for s, _, outcome in task.taken_steps():
-        if outcome.state != s and outcome.state not in task.starts:
+        if outcome.state != s and outcome.state not in firsts:
             moves.add((s, outcome.state))
     sizes = {abs(to - s) for s, to in moves} - {1}
     if len(sizes) != 1:
