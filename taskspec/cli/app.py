@@ -99,7 +99,8 @@ def main() -> None:
         app(prog_name="taskspec")
     finally:
         try:
-            sys.stdout.flush()
+            if not sys.stdout.closed:  # the language server closes it
+                sys.stdout.flush()
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         gc.freeze()  # the program ends: looking for garbage among all tasks and models would take a sixth of `check`

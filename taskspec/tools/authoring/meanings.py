@@ -10,7 +10,7 @@ from typing import Any
 
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Fix, Origin, Span
-from taskspec.base.display import interval, setting
+from taskspec.base.display import setting
 from taskspec.base.named import all_names
 from taskspec.exact.rules import claim_rules
 from taskspec.language.expressions import syntax as s
@@ -24,6 +24,7 @@ from taskspec.language.task.names import signature
 from taskspec.language.task.questions import constant
 from taskspec.language.task.schema.export import forms_of, json_schema, schemas_at
 from taskspec.show.printers import text as printed
+from taskspec.show.record import interval
 from taskspec.tools.authoring.analysis import Analysis, name_span
 from taskspec.tools.authoring.repair import cursor, word_at
 

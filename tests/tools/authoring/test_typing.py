@@ -200,3 +200,23 @@ def test_no_edit_makes_a_question_fail() -> None:
             list(tokens(found))
         except Exception as error:
             raise AssertionError(f"at {at} of {text!r}") from error
+
+
+BOUNDED = """
+taskspec: 1
+name: Bounded
+state:
+  x: {type: real, low: 0.001, high: 0.0625}
+  n: {type: int, low: -3, high: 4, shape: [2]}
+action: {a: {type: bool}}
+horizon: 1
+initial: {x: 0.05, n: 0}
+dynamics: {n': "clip(n + 1, -3, 4)"}
+reward: x + n[0]
+"""
+
+
+def test_bounds_are_told_as_they_are() -> None:
+    found = analyse(BOUNDED, "bounded.yaml")
+    shown = [hover(found, BOUNDED.index(name)) for name in ("x + n", "n[0]")]
+    assert shown == ["`x`: state component, real in [0.001, 0.0625]", "`n`: state component, int vector [2] in [−3, 4]"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import shutil
+import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterator
@@ -316,3 +318,18 @@ def test_other_files_are_left_alone(edited: Edited) -> None:
         assert list(offered.items) == []
 
     edited(script)
+
+
+def test_the_server_ends_as_the_protocol_says() -> None:
+    sent = b""
+    for asked in (
+        {"method": "initialize", "id": 1, "params": {"capabilities": {}}},
+        {"method": "shutdown", "id": 2},
+        {"method": "exit"},
+    ):
+        body = json.dumps({"jsonrpc": "2.0", **asked}).encode()
+        sent += b"Content-Length: %d\r\n\r\n%s" % (len(body), body)
+    done = subprocess.run(
+        [sys.executable, "-m", "taskspec", "lsp"], input=sent, capture_output=True, timeout=120, check=False
+    )
+    assert (done.returncode, b"Traceback" in done.stderr) == (0, False)
