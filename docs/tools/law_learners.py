@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exam import Case, learns_from
-from taskspec.learn.experiments.references import ObservationTable, monte_carlo, q_learning
+from taskspec.learn.experiments.tabular_learners import ObservationTable, monte_carlo, q_learning
 
 __all__ = ["monte_carlo", "q_learning"]
 

@@ -22,7 +22,7 @@ from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.curves import steps_to
 from taskspec.learn.exam.trial import Trial, key_of, run_trial
 from taskspec.learn.experiments.instances import Instance
-from taskspec.learn.experiments.references import GAMMA, STEP_SIZE, ObservationTable
+from taskspec.learn.experiments.tabular_learners import GAMMA, STEP_SIZE, ObservationTable
 from taskspec.learn.jobs.running import Running, run
 from taskspec.learn.jobs.store import Job, Store
 from taskspec.learn.learners.built_in import learner

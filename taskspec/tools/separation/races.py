@@ -22,7 +22,7 @@ from taskspec.learn.exam.learned import Learned
 from taskspec.learn.exam.trial import results_of
 from taskspec.learn.experiments.experiment_file import ExperimentFile, described, read
 from taskspec.learn.experiments.instances import Instance, expand
-from taskspec.learn.experiments.references import monte_carlo, q_learning
+from taskspec.learn.experiments.tabular_learners import monte_carlo, q_learning
 from taskspec.learn.learners import CannotLearn
 from taskspec.learn.observed_policies import observed_value
 from taskspec.tools.exchange.frozen_task import FrozenTask, freeze

@@ -14,7 +14,7 @@ from taskspec.language.task.legal import action_mask, choices, legal_at_random, 
 from taskspec.learn.exam.case import Case, ExamTerms
 from taskspec.learn.exam.fingerprints import fingerprint
 from taskspec.learn.exam.trial import baselines
-from taskspec.learn.experiments.references import monte_carlo, q_learning
+from taskspec.learn.experiments.tabular_learners import monte_carlo, q_learning
 from taskspec.learn.observed_policies import observed_value
 
 TASK = "textbook/Gambler?goal=10&start=5"
