@@ -11,12 +11,11 @@ from itertools import compress
 
 import numpy as np
 
-from taskspec.base.arrays import Array, as_matrix
+from taskspec.base.arrays import Array
 from taskspec.base.display import plural
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.policies.adapters import ProbabilisticPolicy
-from taskspec.exact.policies.policy import states_of
+from taskspec.exact.policies.state_observations import StateObservations
 from taskspec.exact.rules.evaluator import InvalidClaim, condition_over_states
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, Place, visited_table
@@ -360,15 +359,8 @@ def _conditions(model: Model) -> Iterator[tuple[str, Array]]:
 
 def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tuple[tuple[float, ...], ...] | None:
     """Numbers that are observed in each place; None where the state is observed, or the place does not decide them."""
-    reader = ProbabilisticPolicy(model.task, np.asarray, 0)
-    if model.task.observation.is_state or reader.is_noisy or (reader.sees_time and not is_timed):
+    seen = StateObservations(model)
+    if model.task.observation.is_state or not seen.is_known or (seen.is_timed and not is_timed):
         return None
-
-    @cache
-    def seen_at(t: int) -> list[tuple[float, ...]]:
-        rows = reader.observe(states_of(model), t, np.random.default_rng(0))
-        return list(map(tuple, as_matrix(rows, model.n_states).tolist()))
-
-    if not reader.sees_time:
-        return tuple(seen_at(0)[s] for _, s in places)
-    return tuple(seen_at(t)[s] for t, s in places)
+    rows_at = cache(lambda t: seen.matrix(t).tolist())
+    return tuple(tuple(rows_at(t * seen.is_timed)[s]) for t, s in places)

@@ -17,9 +17,10 @@ from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Inexact
+from taskspec.exact.policies.state_observations import StateObservations
 from taskspec.exact.solve.outcomes import Number, OutcomeLists
 from taskspec.language.task.task import TaskLike
-from taskspec.tools.oracle.tables import Seen, model_of, plain, policy_table
+from taskspec.tools.oracle.tables import model_of, plain, policy_table
 from taskspec.tools.oracle.values import By
 
 COUNTED = 10**15
@@ -195,7 +196,7 @@ class _Tree:
             refuse(f"{model.task.id} draws with irrational probabilities", "take `exact=False`")
         self.model = model
         self.pi = pi
-        self.seen = Seen(model)
+        self.seen = StateObservations(model)
         self.starts = [s for s, probability in enumerate(self.lists.start) if probability]
 
     def branches(self, t: int, s: int) -> Iterator[tuple[Number, _Step]]:

@@ -6,19 +6,19 @@ Shapes: T times (1 without a horizon), S states, A actions, O observations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array, as_matrix, map_parts
+from taskspec.base.arrays import Array, map_parts
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
 from taskspec.exact.policies import python_files as files
 from taskspec.exact.policies.adapters import Predictor, Varies, parameters, policy_of
 from taskspec.exact.policies.networks import evaluating, is_network
-from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of, states_of
+from taskspec.exact.policies.policy import Tabulated, TaskPolicy, observation_of
+from taskspec.exact.policies.state_observations import StateObservations, times
 from taskspec.exact.policies.values import LAST_AXIS, is_table
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
@@ -33,67 +33,6 @@ def model_of(task: TaskLike) -> Model:
     if times(model) * model.n_states * model.n_actions > LARGEST:
         refuse(f"tables of {model.task.id} over time, states and actions would take gigabytes")
     return model
-
-
-def times(model: Model) -> int:
-    """Return the number of times for which tables differ: the horizon, 1 without one."""
-    return model.horizon or 1
-
-
-class Seen:
-    """The observations of the states of a model, as the environment shows them.
-
-    Attributes:
-        is_known: whether they are functions of the state and the time, rather than drawn.
-        is_timed: whether they show the time.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self._model = model
-        self._reader = Predictor(model.task, None)
-        self.is_known = not self._reader.is_noisy
-        self.is_timed = self._reader.sees_time
-        self._known: dict[int, Any] = {}
-
-    def at(self, t: int) -> Any:
-        """Return the observations (S, *shape) at a time; a dict of them for a dict space."""
-        if not self.is_known:
-            refuse(f"observations of {self._model.task.id} are drawn: no table has them")
-        if not self.is_timed:
-            t = 0
-        if t not in self._known:
-            self._known[t] = self._reader.observe(states_of(self._model), t, np.random.default_rng(0))
-        return self._known[t]
-
-    @property
-    def times(self) -> range:
-        """The times at which observations differ; 0 where they do not show the time."""
-        if self.is_timed:
-            return range(times(self._model))
-        return range(1)
-
-    @cached_property
-    def rows(self) -> Array:
-        """int64 (T, S): the row of each state's observation in a table over observations.
-
-        A discrete observation is its own row, counted from the least. Others are numbered in lexicographic order.
-        """
-        layout = self._model.task.observation_layout
-        flat = [as_matrix(self.at(t), self._model.n_states) for t in self.times]
-        if layout.form == "discrete":
-            numbers = np.stack([rows[:, 0] - layout.starts[0] for rows in flat])
-        else:
-            numbers = np.unique(np.concatenate(flat), axis=0, return_inverse=True)[1]
-        shape = (times(self._model), self._model.n_states)
-        return np.broadcast_to(numbers.reshape(len(flat), -1).astype(np.int64), shape)
-
-    @cached_property
-    def count(self) -> int:
-        """The number of rows of a table over observations."""
-        layout = self._model.task.observation_layout
-        if layout.form == "discrete":
-            return layout.counts[0]
-        return int(self.rows.max()) + 1
 
 
 def policy_table(model: Model, policy: Any, exact: bool) -> Array:
@@ -138,7 +77,7 @@ def _rational(table: Array) -> Array:
 
 
 def _of_table(model: Model, table: Array) -> Array:
-    seen = Seen(model)
+    seen = StateObservations(model)
     by_state = _probabilities(table, model.n_states, model.n_actions)
     by_observation = None
     if seen.is_known and model.task.observation_layout.form == "discrete":
@@ -172,7 +111,7 @@ def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
 
 def _of_policy(model: Model, policy: Any) -> Array:
     """Return the probabilities (1 or T, S, A) of a name, a function, a module of PyTorch, or an object with `predict`."""
-    seen = Seen(model)
+    seen = StateObservations(model)
     if is_network(policy):
         return np.stack([_of_module(policy, seen.at(t)) for t in seen.times])
     if callable(policy) and not hasattr(policy, "predict"):
@@ -205,7 +144,7 @@ def _tabulated(model: Model, policy: TaskPolicy) -> Tabulated | None:
         return None
 
 
-def _of_function(model: Model, seen: Seen, function: Callable[[Any], Any]) -> Array | None:
+def _of_function(model: Model, seen: StateObservations, function: Callable[[Any], Any]) -> Array | None:
     """Probabilities (1 or T, S, A) that a function of one observation gives; None where it gives actions."""
     if not seen.is_known or "rng" in parameters(function):
         return None

@@ -24,11 +24,12 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Inexact, Reader
+from taskspec.exact.policies.state_observations import StateObservations
 from taskspec.exact.solve.backward import action_values, backward
 from taskspec.exact.solve.infinite_horizon import chain_values, followed
 from taskspec.exact.solve.rational import Rational, Scaled
 from taskspec.language.task.task import Task, TaskLike
-from taskspec.tools.oracle.tables import Seen, model_of, policy_table
+from taskspec.tools.oracle.tables import model_of, policy_table
 
 By = Literal["state", "observation"]
 """Which rows a table has."""
@@ -87,9 +88,9 @@ class PolicyEvaluation:
         return self.Q - self.V[: len(self.Q), :, None]
 
     @cached_property
-    def seen(self) -> Seen:
+    def seen(self) -> StateObservations:
         """The observations of the states, and their rows in tables over observations."""
-        return Seen(self.model)
+        return StateObservations(self.model)
 
     def by_observation(self) -> ObservedValues:
         """Return the values by time and observation.
