@@ -9,22 +9,20 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from taskspec.base.arrays import Array, map_parts, parts_of
+from taskspec.base.arrays import Array, parts_of
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, Sparse, Step, misused, refuse
 from taskspec.exact.policies.policy import named
-from taskspec.language.expressions.batch import evaluate
+from taskspec.exact.policies.state_observations import StateObservations
 from taskspec.language.expressions.types import Role
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
-from taskspec.language.task.questions import components_read, is_random, reads_time
+from taskspec.language.task.questions import components_read, is_random
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.data.episodes import EXTRA, Seen
-from taskspec.programs.numpy import write
-from taskspec.programs.vector_program import Values
 
 LARGEST = 2**27  # numbers that a dense array of transitions may have: a gigabyte
 
@@ -92,15 +90,10 @@ class Tabular:
         Raises:
             SpecError: E712, where what is seen is drawn at every step, or depends on the time.
         """
-        nodes = self.task.observation.nodes
-        if is_random(nodes) or reads_time(nodes):
+        seen = StateObservations(self.model)
+        if seen.is_timed or not seen.is_known:
             refuse(f"the observation in {self.task.id} is not a function of the state", "take the states instead")
-        layout = self.task.observation_layout
-        held = Values.empty(self.task.observation_layout, self.n_states)
-        values = evaluate(nodes, self.model.reads())
-        flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
-        write(layout, held.segments(), flats, np.arange(self.n_states))
-        return map_parts(np.array, held.view())
+        return seen.at(0)
 
     @cached_property
     def features(self) -> Array:
