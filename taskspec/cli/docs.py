@@ -59,7 +59,7 @@ def docs(
     from taskspec.exact.check.report import set_aside
     from taskspec.show import pages
     from taskspec.show.bibliography import unknown_sources
-    from taskspec.show.figures import HINT
+    from taskspec.show.figures import HINT, undrawn
     from taskspec.show.pages.write import facts_of
     from taskspec.tools.targets import all_tasks, settings
 
@@ -72,12 +72,12 @@ def docs(
         built, problems = all_tasks(targets or [], modifiers or [])
         for task in built:
             try:
-                undrawn = pages.undrawn(task)
+                missing = undrawn(task)
             except SpecError as error:
                 problems += error.diagnostics
             else:
                 tasks.append(task)
-                warnings += set_aside(task, [*undrawn, *unknown_sources(task)])[0]
+                warnings += set_aside(task, [*missing, *unknown_sources(task)])[0]
         if not tasks:
             raise SpecError(problems)
         facts = {}

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from taskspec.base.named import all_names
 from taskspec.exact.model.model import refuse
 from taskspec.exact.model.points import BYTES, Budget, Cost, columns, sampled
 from taskspec.language import draws
-from taskspec.language.expressions.batch import evaluate
+from taskspec.language.expressions.batch import DTYPES, evaluate
 from taskspec.language.expressions.interval import bounds
 from taskspec.language.expressions.types import TIME, Expression, Kind, Role, total_size
 from taskspec.language.expressions.variates import WordLayout, batch_sampler
@@ -96,6 +96,13 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
     reads |= {(Role.ACTION, name): value for name, value in action.items()}
     reads[TIME] = np.array([t], dtype=np.int64)
     return reads
+
+
+def alone(c: Component, value: Any) -> Array:
+    """Return a value of a component, or its label, as that of one lane, (*shape, 1)."""
+    if c.domain is not None and isinstance(value, str):
+        value = c.domain.labels.index(value)
+    return np.array(value, DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
 
 
 def is_bounded(task: Task) -> bool:

@@ -96,13 +96,16 @@ def _are_equal(state: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _value(c: Component, value: Any) -> str:
-    flat = np.asarray(value).reshape(-1).tolist()
+    words = []
+    for x in np.asarray(value).reshape(-1).tolist():
+        if c.domain is None:
+            words.append(number(float(x), 3))
+        else:
+            words.append(c.domain.labels[int(x)].replace("_", " "))
+    text = ", ".join(words)
     if c.domain is not None:
-        return ", ".join(c.domain.labels[int(x)].replace("_", " ") for x in flat)
-    numbers = ", ".join(number(float(x), 3) for x in flat)
-    if c.type.is_scalar:
-        return f"{c.name} = {numbers}"
-    return f"{c.name} = ({numbers})"
+        return text
+    return f"{c.name} = {text}" if c.type.is_scalar else f"{c.name} = ({text})"
 
 
 def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:

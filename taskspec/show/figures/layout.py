@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import filterfalse
 
 import numpy as np
 
@@ -145,7 +146,7 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
         reached: dict[Vertex, None] = {}
         for v in new:
             reached |= dict.fromkeys(outgoing.get(v, ()))
-        new = [v for v in reached if v not in seen]
+        new = list(filterfalse(seen.__contains__, reached))
     return layers
 
 

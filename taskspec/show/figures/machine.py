@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import filterfalse
 
 import numpy as np
 
@@ -107,7 +108,7 @@ class Machine:
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
         """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
         for name, codes in self.marks.items():
-            left = [c for c in codes if c not in shown]
+            left = list(filterfalse(shown.__contains__, codes))
             if not codes:
                 yield f"Not shown: {name}, which holds in no state that episodes reach."
             elif left:
@@ -359,7 +360,7 @@ class _Matrix:
         beside = left
         heads = texts
         if self.named and room > self.cell and not all_numbers:
-            heads = [m.Num(str(i)) for i in range(len(texts))]
+            heads = list(map(m.Num, map(str, range(len(texts)))))
             beside = left - sc.text_width(heads[-1], LETTERS) - 2 * GAP
             room = self.cell
         for i in self._spaced(ROOM):

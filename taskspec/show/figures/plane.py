@@ -184,10 +184,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     """
     at = figure_of(task).at
     scalars = {c.name: c for c in task.state if not c.type.shape}
-    pair = []
-    for node in at:
-        if component(node) in scalars:
-            pair.append(scalars[component(node) or ""])
+    pair = [scalars[name] for name in map(component, at) if name in scalars]
     if len(pair) != 2 or len(at) != 2 or is_random(task.process.next):
         return None
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]

@@ -134,7 +134,7 @@ def _panel(
     for t, value in zip(times, number.values, strict=True):
         points.append((WIDTH * t / span, top + PANEL * (high - value) / (high - low)))
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
-    for run in runs([(v,) for v in number.values], (number.period,)):
+    for run in runs(list(zip(number.values, strict=True)), (number.period,)):
         yield Line(tuple(points[run]), color="accent", width=0.05)
     if len(points) <= FEW_STEPS and not is_frame:
         for point in points:

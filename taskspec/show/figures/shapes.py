@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import mul
 from typing import Literal, assert_never
 
 from taskspec.base.display import number, small_fraction
@@ -178,9 +179,8 @@ def _shifted(item: Item, dx: float, dy: float) -> Item:
 
 def bezier(points: tuple[Point, ...], t: float) -> Point:
     weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
-    x = sum(w * p[0] for w, p in zip(weights, points, strict=True))
-    y = sum(w * p[1] for w, p in zip(weights, points, strict=True))
-    return x, y
+    xs, ys = zip(*points, strict=True)
+    return sum(map(mul, weights, xs)), sum(map(mul, weights, ys))
 
 
 HEAD = 0.17

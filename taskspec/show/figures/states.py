@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.display import number
 from taskspec.exact.model.space import Space
-from taskspec.exact.rollout.rollout import Rollout, at_random, by_expert
+from taskspec.exact.rollout.rollout import Rollout, alone, at_random, by_expert
 from taskspec.language import draws
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.evaluate import Flat, evaluate
@@ -56,13 +56,7 @@ def at_state(task: Task, node: Expression, state: State) -> Array:
 
 def reads_of(task: Task, state: State) -> Reads:
     """Return one state, by component, as arrays that expressions read."""
-    reads: Reads = {}
-    for c in task.state:
-        value = state[c.name]
-        if c.domain is not None and isinstance(value, str):
-            value = c.domain.labels.index(value)
-        reads[Role.STATE, c.name] = np.asarray(value, dtype=batch.DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
-    return reads
+    return {(Role.STATE, c.name): alone(c, state[c.name]) for c in task.state}
 
 
 def repeated(task: Task, state: State, count: int) -> Reads:

@@ -56,7 +56,8 @@ def gather(task: TaskLike | Report) -> Facts:
     if isinstance(task, Report):
         return _facts(task.results, task.verdicts, task.coverage.wrong_examples)
     results = Results(load(task))
-    return _facts(results, verdicts(results.task, results), frozenset(i for i, _ in wrong_examples(results.task)))
+    wrong = dict(wrong_examples(results.task))
+    return _facts(results, verdicts(results.task, results), frozenset(wrong))
 
 
 def _facts(results: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:

@@ -18,7 +18,7 @@ from taskspec.base.limits import tell
 from taskspec.exact.policies.adapters import ObservationPolicy, policy_of
 from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
 from taskspec.exact.policies.python_files import is_function
-from taskspec.language.expressions.batch import DTYPES
+from taskspec.exact.rollout.rollout import alone
 from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
 from taskspec.language.task.parts import Component, RenderMode
 from taskspec.language.task.spaces import pack, unpack
@@ -94,7 +94,7 @@ def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
             seen = unpack(task.observation_layout, observation)
             remembered[:] = recall(task, memory, seen, remembered, last, env.time)
             for c, flat in zip(memory.components, remembered, strict=True):
-                states[c.name] = _array(c, flat)
+                states[c.name] = alone(c, flat)
         chosen = policy.choose(EpisodeBatch(env.time, states, None, draws, _RUNNING))
         last[:] = [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in task.action]
         return pack(policy.actions, last)
@@ -103,18 +103,7 @@ def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
 
 
 def _states(env: Environment) -> dict[str, Array]:
-    states: dict[str, Array] = {}
-    for c in env.task.state:
-        value = env.state[c.name]
-        if c.domain is not None and not c.type.shape:
-            value = c.domain.index(value)
-        states[c.name] = _array(c, tuple(np.asarray(value).ravel().tolist()))
-    return states
-
-
-def _array(c: Component, flat: Flat) -> Array:
-    """Return a flat value of a component as a batch of one, (*shape, 1)."""
-    return np.array(flat, DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
+    return {c.name: alone(c, env.state[c.name]) for c in env.task.state}
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import csv
 import itertools
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,7 @@ def _rows(text: str, is_list: bool) -> list[Any]:
     rows: list[Any] = []
     for row in csv.reader(text.splitlines()):
         if any(row):
-            cells = [_number(cell.strip()) for cell in row]
+            cells = list(map(_number, row))
             if is_list or len(cells) > 1:
                 rows.append(cells)
             else:
@@ -105,7 +106,7 @@ def _number(cell: str) -> Any:
     try:
         return json.loads(cell)
     except ValueError:
-        return cell
+        return cell.strip()
 
 
 def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...]]:
@@ -136,7 +137,7 @@ def _flat(c: Component, part: Any) -> tuple[Any, ...]:
     items = np.asarray(part, dtype=object).ravel().tolist()
     if len(items) != c.type.size:
         raise ValueError
-    return tuple(_element(c, item) for item in items)
+    return tuple(map(partial(_element, c), items))
 
 
 def _element(c: Component, item: Any) -> Any:

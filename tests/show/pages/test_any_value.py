@@ -12,7 +12,7 @@ import taskspec
 from taskspec import data, exact
 from taskspec.envs import Environment
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.show import pages
+from taskspec.show import figures, pages
 
 ID = "derail/RiskyPath-v0"
 
@@ -76,8 +76,8 @@ USES: dict[str, Callable[[Any, Path], Any]] = {
     "page": lambda x, _: pages.page(x).sections,
     "gather": lambda x, _: pages.gather(x).scores,
     "overlay": lambda x, _: pages.overlay(x, ["values"]),
-    "scene": lambda x, _: pages.scene(x),
-    "undrawn": lambda x, _: pages.undrawn(x),
+    "scene": lambda x, _: figures.scene(x),
+    "undrawn": lambda x, _: figures.undrawn(x),
     "render_frame": lambda x, _: pages.render_frame(x, {"s": 0}).sum(),
     "demonstrations": lambda x, _: data.demonstrations(x, episodes=2).metadata,
     "preferences": lambda x, _: data.preferences(x, 2).metadata,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taskspec.exact import check, scores
-from taskspec.show.pages import scene
+from taskspec.show.figures import scene
 from tests.shared.walks import written
 
 LONG = {

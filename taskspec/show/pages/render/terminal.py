@@ -46,7 +46,7 @@ def print_page(task: Task, out: Console) -> None:
     out.print(table)
     out.print()
     out.print(f"{near(Path(task.source.document.origin.name))}  {task.content_hash[:12]}", style="quiet")
-    others = [name for name in variant_names(task.source.document.data) if name != task.name]
+    others = list(filter(task.name.__ne__, variant_names(task.source.document.data)))
     if others:
         out.print(f"the same spec defines {', '.join(others)}", style="quiet")
 
