@@ -247,7 +247,7 @@ def _cells(all_rows: list[_Row]) -> Iterator[sc.Item]:
     for r, row in enumerate(rows):
         top = float(tops[r])
         if len(rows) > 1 and not moved:
-            time = m.Row((m.Ident("t"), m.Sym("="), m.Num(str(shown[r].t))))
+            time = m.equal(m.Ident("t"), m.Num(str(shown[r].t)))
             yield sc.Label((-0.2, top + 0.4), time, LETTERS, "end", "muted")
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)

@@ -48,7 +48,7 @@ def film(task: Task) -> str | None:
         steps = list(_episode(task, who))
     except SpecError:
         return None
-    while len(steps) > 2 and _are_equal(steps[-1][0], steps[-2][0]):
+    while len(steps) > 2 and all(map(np.array_equal, steps[-1][0].values(), steps[-2][0].values())):
         steps.pop()
     every = 1
     if not task.is_finite:
@@ -89,10 +89,6 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
         yield first_lane(state), f"step {t + 1}: {taken}; reward {number(reward, 4)}, return {number(total, 4)}"
         if bool(moved.terminal[0]):
             return
-
-
-def _are_equal(state: dict[str, Any], other: dict[str, Any]) -> bool:
-    return all(map(np.array_equal, state.values(), other.values()))
 
 
 def _value(c: Component, value: Any) -> str:

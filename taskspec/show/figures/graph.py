@@ -231,7 +231,11 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
         if isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     widest, _ = max(sizes.values())
-    step = max(DX, _longest(request) + 2 * widest + 0.35) * request.stretch
+    longest = 0.0  # text on an arrow between two vertices
+    for arc, text in zip(drawing.arcs, request.texts, strict=True):
+        if arc.source != arc.target and text:
+            longest = max(longest, sc.text_width(text, ARROW))
+    step = max(DX, longest + 2 * widest + 0.35) * request.stretch
     mains = _leading_on(request)
     straight = all(len(main) <= 1 for main in mains)
     spots = {}
@@ -258,15 +262,6 @@ def _leading_on(request: _Request) -> list[list[int]]:
                 main.append(k)
         places.append(main)
     return places
-
-
-def _longest(request: _Request) -> float:
-    """Return the width of the longest text on an arrow between two vertices."""
-    longest = 0.0
-    for arc, text in zip(request.drawing.arcs, request.texts, strict=True):
-        if arc.source != arc.target and text:
-            longest = max(longest, sc.text_width(text, ARROW))
-    return longest
 
 
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import filterfalse
+from itertools import chain, filterfalse
 
 import numpy as np
 
@@ -49,10 +49,7 @@ class Drawing:
 
     @property
     def vertices(self) -> list[Vertex]:
-        vertices: list[Vertex] = []
-        for layer in self.layers:
-            vertices += layer
-        return vertices
+        return list(chain.from_iterable(self.layers))
 
     @property
     def states(self) -> list[int]:
@@ -76,7 +73,8 @@ def drawings(machine: Machine) -> Iterator[Drawing]:
             choices = [usual, *ones]
     for layers in choices:
         drawing = _drawing(layers, arcs)
-        if _is_small(layers) and set(machine.start) <= set(drawing.vertices):
+        is_small = len(drawing.vertices) <= MANY and max(map(len, layers)) <= WIDE
+        if is_small and set(machine.start) <= set(drawing.vertices):
             yield drawing
 
 
@@ -90,10 +88,6 @@ def whole(machine: Machine) -> Iterator[Drawing]:
 
 def _drawing(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing:
     return Drawing(tuple(map(tuple, layers)), tuple(arcs))
-
-
-def _is_small(layers: list[list[Vertex]]) -> bool:
-    return sum(map(len, layers)) <= MANY and max(map(len, layers)) <= WIDE
 
 
 def _arcs(machine: Machine) -> list[Arc]:

@@ -85,7 +85,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
     items: list[Item] = [*_time(first, first + span, len(numbers))]
     points = [t - first for t in times]
     for i, number in enumerate(numbers):
-        label = m.Row((number.symbol, m.Sym("="), signed(number.values[-1])))
+        label = m.equal(number.symbol, signed(number.values[-1]))
         items += _panel(number, label, _scale(number), span, i * APART, points, is_frame=True)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
     return fitted(items, f"{task.name} over time, {plural(now, 'step')}")

@@ -280,7 +280,7 @@ def signed(value: float) -> m.Math:
 
 
 def equal(name: str, value: float) -> m.Math:
-    return m.Row((m.Ident(name), m.Sym("="), signed(value)))
+    return m.equal(m.Ident(name), signed(value))
 
 
 def chance(p: float) -> m.Math:

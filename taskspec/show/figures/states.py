@@ -188,7 +188,7 @@ def state_table(task: Task, state: State) -> Scene:
         if len(flat) > ELEMENTS:
             shown.append("…")
         word = f"({', '.join(shown)})" if c.type.shape else shown[0]
-        text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(word)))
+        text = m.equal(notation.symbol(c.name), m.Words(word))
         items.append(Label((0.0, 0.55 * i), text, anchor="start"))
     return fitted(items, f"A state of {task.name}", margin=0.3)
 

@@ -74,7 +74,7 @@ class Writing:
         those of a function, with their axes.
         """
         if rewrites.shows_probabilities(expr):
-            return m.Row((left, m.Sym("="), self.math(expr, of)))
+            return m.equal(left, self.math(expr, of))
         if rewrites.is_draw(expr):
             return m.Row((left, m.Sym("∼"), self.math(expr, of)))
         apart = rewrites.take_apart(expr, self.drawn)

@@ -84,8 +84,10 @@ class HtmlWriter:
         match piece:
             case p.Text(text=text):
                 return Markup(escape(text))
-            case p.Formula():
-                return _with_tooltip(piece)
+            case p.Formula(math=math, display=display, short=None):
+                return formula(math, display)
+            case p.Formula(math=math, short=short):
+                return Markup('<span class="exact" title="{}">{}</span>').format(plain(math), formula(short or math))
             case p.CodeSpan(text=text):
                 return Markup("<code>{}</code>").format(text)
             case p.Emph(inner=inner, strong=strong):
@@ -136,12 +138,6 @@ def article(
     """Return a page without style and figure, for notebooks and the studio; without references unless a writer knows some."""
     words = (writer or HtmlWriter({})).words(summary, description, sections)
     return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
-
-
-def _with_tooltip(piece: p.Formula) -> Markup:
-    if piece.short is None:
-        return formula(piece.math, piece.display)
-    return Markup('<span class="exact" title="{}">{}</span>').format(plain(piece.math), formula(piece.short))
 
 
 def formula(math: m.Math, display: bool = False) -> Markup:

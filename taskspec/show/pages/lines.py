@@ -14,8 +14,8 @@ from taskspec.language.task.questions import argument_axes
 from taskspec.language.task.schema.typed import ComponentEntry
 from taskspec.show.pages.equations import Writing, unchanged
 from taskspec.show.pages.prose import CodeSpan, Formula, Inlines, Text, followed, inlines, listing, separated
-from taskspec.show.printers import idioms
 from taskspec.show.printers import tree as m
+from taskspec.show.printers.cases import arrows, has_arrows
 from taskspec.show.printers.expressions import ExpressionWriter
 from taskspec.show.printers.names import expression
 from taskspec.show.printers.rewrites import draws, is_draw
@@ -39,7 +39,7 @@ def formula(*items: m.Math) -> Formula:
 def parameters(w: Writing) -> Iterator[Inlines]:
     """Yield `L = 10`, its description and its range, for each parameter."""
     for p in w.task.parameters:
-        content: Inlines = (formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value))),)
+        content: Inlines = (formula(m.equal(w.symbol(p.name), setting(w.values.get(p.name, p.value)))),)
         if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
             content += (Text(" ("), CodeSpan(p.name), Text(")"))
         yield (*followed(content, ", ", p.doc), *_range(w, p.name))
@@ -50,7 +50,7 @@ def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
     for case in given:
         equal: list[Inlines] = []
         for name, value in case.items():
-            equal.append((formula(w.symbol(name), m.Sym("="), setting(value)),))
+            equal.append((formula(m.equal(w.symbol(name), setting(value))),))
         lines.append(separated(equal))
     return separated(lines, "; ")
 
@@ -214,7 +214,7 @@ def horizon(w: Writing) -> Iterator[Inlines]:
     if value not in (None, "none"):
         content = (Formula(w.declared(value)),)
     if w.spec.discount != 1:
-        content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.spec.discount)))
+        content += (Text(", discount "), formula(m.equal(m.Ident("γ"), w.declared(w.spec.discount))))
     yield content
 
 
@@ -286,9 +286,9 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
 def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
     actions = list(w.spec.action)
     expr = w.put(expr)
-    if len(w.task.state) == 1 and isinstance(expr, s.Table) and idioms.has_arrows(expr, name, actions):
+    if len(w.task.state) == 1 and isinstance(expr, s.Table) and has_arrows(expr, name, actions):
         writer = ExpressionWriter(w.notation, name)
-        for line in idioms.arrows(writer, expr, name, w.whole(actions), actions[0]):
+        for line in arrows(writer, expr, name, w.whole(actions), actions[0]):
             yield (Formula(line),)
     else:
         yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)
@@ -347,7 +347,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             value: m.Math = m.Num(f"{w.task.annotations.expert.beta:g}")
             if isinstance(written, s.Call):
                 value = w.math(written.args[0])
-            yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
+            yield (Text("Boltzmann-rational, "), formula(m.equal(m.Ident("β"), value)))
         case _:
             actions = written
             if not isinstance(written, Mapping):

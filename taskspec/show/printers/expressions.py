@@ -14,6 +14,7 @@ from taskspec.language.expressions.dists import is_distribution
 from taskspec.language.expressions.operators import FUNCTIONS, INFIX
 from taskspec.show.printers import idioms
 from taskspec.show.printers import tree as m
+from taskspec.show.printers.cases import cases
 from taskspec.show.printers.names import Notation, Writer, label
 from taskspec.show.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
 from taskspec.show.printers.rewrites import from_start, is_vector, pointwise
@@ -64,7 +65,7 @@ class ExpressionWriter(Writer):
             case s.Compare():
                 return self._compare(expr)
             case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
-                return applied("cases", idioms.cases(self, expr))
+                return applied("cases", cases(self, expr))
             case s.Call():
                 return self._call(expr)
             case s.Subscript():

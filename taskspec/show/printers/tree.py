@@ -155,6 +155,10 @@ def braces(body: Math) -> Fence:
     return Fence("{", body, "}")
 
 
+def equal(left: Math, right: Math) -> Row:
+    return Row((left, Sym("="), right))
+
+
 def such_that(element: Math, condition: Math) -> Row:
     """Write `element : condition`, as in sets and after quantifiers."""
     return Row((element, Sym(":"), Gap(), condition))

@@ -20,7 +20,7 @@ from taskspec.language.expressions.parse import parse
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.parts import Claim
-from taskspec.show.pages import sections
+from taskspec.show.pages import claims
 from taskspec.show.pages.equations import Writing
 from taskspec.show.pages.facts import Facts, gather, number
 from taskspec.show.pages.page import page
@@ -363,7 +363,7 @@ def test_facts_are_shown_where_there_are_some() -> None:
 def test_claims_as_sentences(claim: str, options: dict[str, object], expected: str) -> None:
     """Every part of a claim is told: the policy that a probability is under, above all."""
     w = Writing(registry.load("derail/RiskyPath-v0"), {})
-    found = sections.claim_text(w, Claim(parse(nowhere(claim)), claim, (), options))
+    found = claims.claim_text(w, Claim(parse(nowhere(claim)), claim, (), options))
     assert words(found) == expected
 
 

@@ -16,7 +16,7 @@ from taskspec.show.pages.facts import Setting
 from taskspec.show.pages.page import Page, anchor
 from taskspec.show.pages.prose import Formula, Inline, Inlines, Mark, inlines
 from taskspec.show.printers import tree as m
-from taskspec.show.printers.idioms import IF
+from taskspec.show.printers.cases import IF
 from taskspec.show.printers.markup import latex
 from taskspec.show.printers.text import plain
 
@@ -142,17 +142,15 @@ def notation(pages: Iterable[Page]) -> Inlines:
     if any(map(_has_cases, formulas)):
         sentences.append(_CASES)
     if any(page.section("scores") for page in pages):
-        discounted = _DISCOUNTED if any(map(_is_discounted, pages)) else ""
+        discounts = {page.task.discount for page in pages}
+        for page in pages:
+            discounts |= {setting.task.discount for setting in page.settings}
+        discounted = "" if discounts == {1} else _DISCOUNTED
         sentences.append(_RETURNS.format(discounted=discounted))
     for word, text in _MARKS:
         if any(mark.startswith(word) for mark in marks):
             sentences.append(text)
     return inlines(" ".join(sentences))
-
-
-def _is_discounted(page: Page) -> bool:
-    """Test whether rewards are discounted, at the page's own values of the parameters or at others beside them."""
-    return page.task.discount != 1 or any(setting.task.discount != 1 for setting in page.settings)
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
