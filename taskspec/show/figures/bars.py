@@ -141,7 +141,10 @@ def _sums(row: _Row, step: float, y: float) -> Iterator[sc.Label]:
 
 
 def _vector(task: Task) -> Expression | None:
-    nodes = [figure_of(task).values or c.value for c in task.state]
+    nodes = [c.value for c in task.state]
+    values = figure_of(task).values
+    if values is not None:
+        nodes = [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
