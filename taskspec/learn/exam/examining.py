@@ -261,6 +261,7 @@ def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], 
     if not changed:
         return []
     others = {each.name: each.changed for each in changed}
+    trials.explained = False
     plan = trials.plan(others.values(), tuple(exam["seeds"]), 0, False)
     rows = trials.run(plan)
     trials.twins = 0
@@ -286,6 +287,8 @@ class _Trials:
     steps: int | None
     workers: Workers | None = None
     kept: Path | None = None
+    explained: bool = True
+    """Whether what was learned is compared with known mistakes."""
     has_scores: bool = False
     """Whether a training run succeeded."""
 
@@ -318,7 +321,9 @@ class _Trials:
         if evaluate is not None:
             horizon = evaluate.longer_than(task.horizon)
         place = self.who.place or ""
-        trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)
+        trial = Trial(
+            about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon, self.explained
+        )
         return Planned(task, twin, trial)
 
     def estimate(self, asked: Sequence[Task], seeds: tuple[int, ...], processes: int) -> str:

@@ -148,6 +148,7 @@ class Trial:
         episodes: for scores that have to be simulated.
         limits: that hold, as `taskspec.base.limits.also` takes them.
         longer: a horizon on which policies are scored, too.
+        explained: whether what was learned is compared with known mistakes, too.
     """
 
     about: Task
@@ -159,6 +160,7 @@ class Trial:
     episodes: int
     limits: str
     longer: int | None = None
+    explained: bool = True
 
     @property
     def key(self) -> str:
@@ -172,6 +174,7 @@ class Trial:
             self.episodes,
             self.limits,
             self.longer,
+            self.explained,
         )
 
 
@@ -197,6 +200,10 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
             rows = [_scored(policy, case, results, i) for i, policy in enumerate(policies)]
+            if trial.explained:
+                for i, policy in enumerate(policies):
+                    sees_reward = "reward" in case.terms.learns_from
+                    rows[i] |= learned_fields(results.task, policy, sees_reward, case.shown_to(i))
             _add_curves(rows, case, results)
             if trial.longer is not None:
                 _add_longer(rows, policies, trial)
@@ -244,11 +251,10 @@ def _scored(policy: Any, case: Case, results: Results, i: int) -> Row:
         raise TypeError("`train` returned no policy: does it end with `return`?")
     seed = case.seeds[i]
     value = _value(policy, results, seed)
-    row = {
+    return {
         "seed": seed, "curve": None, "deterministic": value.deterministic.value,
         "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
     }  # fmt: skip
-    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from, case.shown_to(i))
 
 
 def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
