@@ -223,16 +223,11 @@ def _nowhere(start: int, end: int) -> Span:
 @lru_cache(maxsize=512)
 def schemas(path: Path) -> tuple[dict[str, Any], ...]:
     """Return what the JSON Schema of specs says of the value at a path, one entry for each form that it may have."""
-    return tuple(schemas_at(_root(), "Spec", path))
-
-
-@lru_cache
-def _root() -> dict[str, Any]:
-    return json_schema()
+    return tuple(schemas_at(json_schema(), "Spec", path))
 
 
 def type_of(schema: dict[str, Any]) -> str:
-    for form in reversed(list(forms_of(_root(), schema))):
+    for form in reversed(list(forms_of(json_schema(), schema))):
         kind = form.get("title") or form.get("type")
         if isinstance(kind, str) and kind != "null":
             return kind

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pathlib
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
@@ -23,8 +24,9 @@ def _ref(title: str) -> dict[str, Any]:
     return {"$ref": f"#/$defs/{title}"}
 
 
+@cache
 def json_schema() -> dict[str, Any]:
-    """Write the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
+    """Return the JSON Schema (2020-12) of a spec, the same each time. Every key has a description, for editors to show."""
     models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
     forms = json.loads(FORMS.read_text(encoding="utf-8"))
     for title in ("Observation", "PartialObservation"):
@@ -48,14 +50,20 @@ def json_schema() -> dict[str, Any]:
 
 def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
     """List the keys that an entry at a path of a document can have, in the order of the models."""
+    keys: dict[str, Any] = {}
+    for schema in schemas_at(_schema_with(model), model.__name__, path):
+        keys |= schema.get("properties", {})
+    return tuple(keys)
+
+
+@cache
+def _schema_with(model: type[BaseModel]) -> dict[str, Any]:
+    """Return a JSON Schema that defines a model."""
     root = json_schema()
     if model.__name__ not in root["$defs"]:
         root = {"$defs": {}, **TypeAdapter(model).json_schema(by_alias=True)}
         root["$defs"][model.__name__] = root
-    keys: dict[str, Any] = {}
-    for schema in schemas_at(root, model.__name__, path):
-        keys |= schema.get("properties", {})
-    return tuple(keys)
+    return root
 
 
 def schemas_at(root: dict[str, Any], title: str, path: Path) -> list[dict[str, Any]]:
