@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 pipeline._pipeline = checked(pipeline._pipeline)  # every task that any test builds
 modifiers._modified = checked(modifiers._modified)
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")  # tests run in as many processes as there are cores
+CACHE = Path(os.environ.get("TASKSPEC_CACHE", Path.home() / ".cache" / "taskspec"))
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE / "jax"))  # a program is compiled once for all processes
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 settings.register_profile("everyday", max_examples=25, deadline=None)
 settings.register_profile("thorough", max_examples=10_000, deadline=None)  # --hypothesis-profile=thorough
 settings.load_profile("everyday")

@@ -242,12 +242,12 @@ def test_a_run_that_forks_gives_one_answer(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are killed by signals")
 def test_runs_that_end_badly_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--time-limit", "8", "-j", "1")
+    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--time-limit", "2", "-j", "1")
     status, found = held(tmp_path, f"{LEARNERS}:ends_badly", *options, "--learns-from", "reward")
     errors = [score["error"] for score in found["scores"]]
     assert status == 1 and [errors[seed] for seed in (0, 3)] == [None, None]
     assert [score["steps"] for score in found["scores"]] == [0, 0, 0, 3, 0, 0]
-    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 8 s"), (4, "MemoryError"), (5, "died: SIGKILL(-9)")):
+    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 2 s"), (4, "MemoryError"), (5, "died: SIGKILL(-9)")):
         assert words in errors[seed]
 
 

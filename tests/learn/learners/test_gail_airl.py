@@ -22,7 +22,7 @@ pytest.importorskip("optax")
 jnp = jax.numpy
 
 from taskspec.learn.learners.deep.gail_airl import Discriminator  # noqa: E402
-from taskspec.learn.learners.deep.ppo import sampler  # noqa: E402
+from taskspec.learn.learners.deep.ppo import init_actor, sampler  # noqa: E402
 from taskspec.learn.learners.deep.reward_nets import RewardInputs, RewardModel, demonstration_inputs, reward_inputs  # noqa: E402
 from taskspec.learn.learners.deep.trpo import TrpoUpdate, objective, ridge_regression  # noqa: E402
 from taskspec.learn.learners.deep.world import StepBatch, World, in_complete_episode  # noqa: E402
@@ -164,12 +164,12 @@ def test_rewards_in_numpy_say_what_nets_say(task: str, standardised: bool) -> No
 
 
 def test_the_deviation_as_variance_is_the_density_that_it_is() -> None:
-    world, held, steps = walked("Parabola", Ppo(hidden=(4,)))
-    actor = held.actor._replace(deviations=jnp.array([0.8]))
+    world = World.of(taskspec.load("Parabola"), absorb=False)
+    actor = init_actor(jax.random.key(0), world, (4,))._replace(deviations=jnp.array([0.8]))
     config = Adversarial(minus_log_policy=True, deviation_as_variance=True)
     judge = Discriminator(config, world)
     nets, _ = judge.init(jax.random.key(0))
-    at = reward_inputs(steps.flat())
+    at = demonstration_inputs(world, demonstrations("Parabola", episodes=3))
     from taskspec.learn.learners.deep.nets import forward
 
     wrong = stats.norm(np.asarray(forward(actor.net, at.seen)), np.exp(0.4)).logpdf(np.asarray(at.action))[:, 0]

@@ -29,14 +29,14 @@ AVERAGES: dict[str, Any] = {"episode": "sequence", "step": "token", "sum": 1}
 
 
 @cache
-def played(number: int) -> tuple[World, Any, Any, rloo_grpo_dpo.GroupEpisodes]:
-    """Two policies, and episodes of the first in pairs."""
+def played() -> tuple[World, Any, Any, rloo_grpo_dpo.GroupEpisodes]:
+    """Two policies, and six pairs of episodes of the first."""
     world = World.of(taskspec.load(TASK), absorb=False)
     first, second, begin, noise = jax.random.split(jax.random.key(3), 4)
     actor, other = (init_actor(key, world, (8,)) for key in (first, second))
     louder = other._replace(net=jax.tree.map(lambda x: 3 * x, other.net))
     play = jax.jit(
-        lambda actor: rloo_grpo_dpo.play(world, actor, rloo_grpo_dpo.begin_groups(world, begin, number, 2), noise)
+        lambda actor: rloo_grpo_dpo.play(world, actor, rloo_grpo_dpo.begin_groups(world, begin, 6, 2), noise)
     )
     return world, actor, louder, play(actor)
 
@@ -50,7 +50,7 @@ def test_a_group_begins_in_one_state_and_goes_on_by_chance() -> None:
 
 
 def test_episodes_are_over_at_their_ends() -> None:
-    _, _, _, episodes = played(20)
+    _, _, _, episodes = played()
     ended = np.asarray(episodes.steps.ended)
     expected = [(np.cumsum(column) - column == 0) for column in ended.T]
     assert np.array_equal(np.asarray(episodes.live).T, expected)
@@ -73,7 +73,7 @@ def test_advantages_are_those_of_the_oracle(name: str) -> None:
 
 @pytest.mark.parametrize("average", AVERAGES)
 def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
-    world, actor, other, episodes = played(6)
+    world, actor, other, episodes = played()
     config = replace(learner("paper/grpo").settings, average=average, kl=0.3)
     update = rloo_grpo_dpo.GroupUpdate(config, world)
     log_probs, reference = (rloo_grpo_dpo.log_probs(world, each, episodes) for each in (actor, other))
@@ -89,7 +89,7 @@ def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
 
 
 def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
-    world, actor, other, episodes = played(6)
+    world, actor, other, episodes = played()
     update = rloo_grpo_dpo.DirectUpdate(learner("dpo").settings, world, world)
     reference = rloo_grpo_dpo.log_probs(world, other, episodes)
     actual = jax.jit(update.loss)(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
