@@ -34,12 +34,16 @@ class Module:
     def tree(self) -> ast.Module:
         return ast.parse(self.text)
 
+    @cached_property
+    def nodes(self) -> list[ast.AST]:
+        return list(ast.walk(self.tree))
+
     def imports(self, known: Iterable[str]) -> Iterator[str]:
         """The modules that it names: in imports, those for types included, and in strings that are the name of a module.
 
         That a module's package is imported before it does not count, as Python itself puts up with that.
         """
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             match node:
                 case ast.ImportFrom(module=str(module), names=names):
                     yield from (f"{module}.{a.name}" if f"{module}.{a.name}" in known else module for a in names)
@@ -100,7 +104,7 @@ def test_every_way_to_import_is_seen(tmp_path: Path, back: str) -> None:
 
 def needed(module: Module) -> Iterator[str]:
     """The modules of optional packages that it asks `need` for, by their names as texts."""
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         match node:
             case ast.Call(func=ast.Name(id="need"), args=[ast.Constant(value=str(name)), *_]):
                 yield name
@@ -130,7 +134,7 @@ NODES = "taskspec.language.expressions.ir"
 
 def takes_apart(module: Module) -> bool:
     """Return whether a module imports the nodes of expressions or reads an attribute named `surface`."""
-    names = (node.attr for node in ast.walk(module.tree) if isinstance(node, ast.Attribute))
+    names = (node.attr for node in module.nodes if isinstance(node, ast.Attribute))
     return NODES in module.imports([NODES]) or "surface" in names
 
 
@@ -156,7 +160,7 @@ def test_every_way_to_take_expressions_apart_is_seen(tmp_path: Path, text: str) 
 def test_a_class_name_means_one_thing() -> None:
     places = defaultdict(list)
     for module in SOURCE.values():
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(module.name)
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
