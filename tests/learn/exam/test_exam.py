@@ -462,7 +462,7 @@ def test_right_learners_are_not_flagged_on_fresh_seeds_though_their_scores_vary(
 
     def noisy(case: Case) -> np.ndarray:
         rng = np.random.default_rng([case.seed, int(case.task.content_hash[:8], 16)])
-        return rng.random((case.observation_space.n, case.action_space.n))
+        return rng.integers(case.action_space.n, size=case.observation_space.n)
 
     noisy.learns_from = ("reward",)
     found = [
