@@ -98,7 +98,7 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
         here = guards[id(node)]
         yield node, here
         needed = [here] * len(children(node))
-        if isinstance(node, Apply) and node.op in ("where", "and", "or") and node.type.is_scalar:
+        if isinstance(node, Apply) and node.op in ("where", "and", "or") and node.args[0].type.is_scalar:
             holds = node.args[0]
             fails = b.apply("not", holds)
             condition = holds

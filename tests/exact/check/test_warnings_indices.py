@@ -52,6 +52,8 @@ MOVED = {
     "put(v, s - 2, 9)[0]": "for s = 1, this index is -1; it is moved to 0",
     "v[s - UniformInt(0, 2)]": "this index is -1; it is moved to 0",
     "v[s - 2] if s < 2 else 0": "for s = 1, this index is -1; it is moved to 0",
+    "sort(put(v, s - 2, 9) if s < 3 else v)[0]": "for s = 1, this index is -1; it is moved to 0",
+    "sort(where(v > 1, v, v[s - 2]))[0]": "for s = 1, this index is -1; it is moved to 0",
     "s > 0 and v[s - 2] > 1": "for s = 1, this index is -1; it is moved to 0",
 }
 
@@ -65,7 +67,8 @@ def test_an_index_that_is_moved(reward: str) -> None:
 @pytest.mark.parametrize(
     "reward",
     [
-        "v[s]", "v[-1]", "v[s - 1]", "v[clip(s - 2, 0, 2)]", "v[s - 2] if s >= 2 else 0", "s > 1 and v[s - 2] > 1",
+        "v[s]", "v[-1]", "v[s - 1]", "v[clip(s - 2, 0, 2)]", "v[s - 2] if s >= 2 else 0",
+        "sort(put(v, s - 2, 9) if s >= 2 else v)[0]", "s > 1 and v[s - 2] > 1",
         "s < 2 or v[s - 2] > 1", "v[s - 3]" + " if s == 3 else v[s]",  # an episode that has come to 3 is over
     ],
 )  # fmt: skip
