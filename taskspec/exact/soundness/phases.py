@@ -286,7 +286,7 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     where = SectionScope(task, section)
     for name, expr in entries(task, section):
         for written in distributions(expr, where):
-            checks += _Parameters(where, name, written).checks()
+            checks += _Parameters(name, written).checks()
     return checks
 
 
@@ -294,9 +294,12 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
 class _Parameters:
     """A distribution in an entry of a section, whose parameters are checked."""
 
-    where: SectionScope
     entry: str | None
     written: Written
+
+    @property
+    def where(self) -> SectionScope:
+        return self.written.section
 
     def checks(self) -> Iterator[Check]:
         match self.written.expr:
@@ -310,7 +313,7 @@ class _Parameters:
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         b = self.where.builder
         probabilities = [b.cast(n, Kind.REAL) for n in map(self.where.number, exprs) if n is not None]
-        if len(probabilities) < len(exprs) or draws(probabilities) or are_constant(probabilities):
+        if len(probabilities) < len(exprs) or are_constant(probabilities):
             return
         terms = probabilities[0]
         if not terms.type.shape:
@@ -326,7 +329,7 @@ class _Parameters:
             if name not in arguments or isinstance(expr, s.SetOf | s.Comprehension):
                 continue
             node = self.where.number(expr)
-            if node is None or draws([node]):
+            if node is None:
                 continue
             nodes[name] = node
             if not isinstance(node, Const):

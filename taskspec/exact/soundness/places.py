@@ -1,8 +1,8 @@
 """Find the place of a counterexample: the smallest part of a section that gives the wrong value.
 
 The build records the meaning of each part of a section (`Surface.meanings`), so that conditions and rows of tables can be
-evaluated at the counterexample. Parts of comprehensions and of definitions have no meaning recorded: those that do not depend
-on their surroundings are checked here.
+evaluated at the counterexample. Parts of comprehensions and of definitions have no meaning recorded: those of comprehensions
+are checked for each element, and of definitions those that do not depend on their surroundings.
 """
 
 from __future__ import annotations
@@ -19,34 +19,53 @@ from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.check import Checker
 from taskspec.language.expressions.dists import is_distribution
 from taskspec.language.expressions.ir import Node, draws
-from taskspec.language.expressions.scope import Value
+from taskspec.language.expressions.scope import Poisoned, Scope, Value
+from taskspec.language.expressions.sets import unroll
 from taskspec.language.expressions.types import Domain, Kind, Refused
 from taskspec.language.task.task import Task
 
 
 @dataclass(frozen=True)
 class SectionScope:
-    """A section's scope, in which parts of its expressions can be checked again."""
+    """A section's scope, in which parts of its expressions can be checked again; or that of an element of a comprehension."""
 
     task: Task
     name: str
+    element: Scope | None = None
+    outer: SectionScope | None = None
 
     @cached_property
     def builder(self) -> Builder:
+        if self.outer is not None:
+            return self.outer.builder
         return self.task.new_builder()
+
+    @property
+    def scope(self) -> Scope | None:
+        return self.element or self.task.source.surface.scopes.get(self.name)
 
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
         """Return the meaning of a part, or None if it has none of its own."""
-        known = self.task.source.surface.meaning(self.name, expr)
-        if known is not None:
+        known = None
+        if self.element is None:
+            known = self.task.source.surface.meaning(self.name, expr)
+        if known is not None or self.scope is None:
             return known
-        scope = self.task.source.surface.scopes.get(self.name)
-        if scope is None:
-            return None
         try:
-            return Checker(self.builder, Collector()).check(expr, scope, want)
+            return Checker(self.builder, Collector()).check(expr, self.scope, want)
         except Refused:
             return None
+
+    def elements(self, comprehension: s.Comprehension) -> list[SectionScope]:
+        """Return the scope of each element of a vector's comprehension that draws."""
+        if self.scope is None or comprehension.is_set or not any(map(_is_drawn, s.below(comprehension.element))):
+            return []
+        checker = Checker(self.builder, Collector())
+        try:
+            scopes = unroll(checker, comprehension, self.scope, lambda scope: scope)
+        except Poisoned:
+            return []
+        return [SectionScope(self.task, self.name, scope, self) for scope in scopes]
 
     def number(self, expr: s.Expr) -> Node | None:
         """Return the meaning of a part as a number; the value of the label for a choice."""
@@ -133,30 +152,39 @@ class Written:
     """A distribution as written, with the conditions under which it is drawn from."""
 
     expr: s.Call | s.Weights
+    section: SectionScope
     guards: tuple[Node, ...]
 
 
 def distributions(  # noqa: C901
     expr: s.Expr | s.Slice, section: SectionScope, guards: tuple[Node, ...] = ()
 ) -> Iterator[Written]:
-    """Yield the distributions in an expression whose parameters have a meaning of their own."""
+    """Yield the distributions in an expression whose parameters have a meaning of their own, once for each element."""
     match expr:
         case s.IfElse() | s.Piecewise() | s.Table():
             for part, conditions in _alternatives(expr, section):
                 known = (condition for condition in conditions if condition is not None)
                 yield from distributions(part, section, (*guards, *known))
-        case s.Comprehension() | s.SetOf() | s.Slice():
-            return  # parameters may depend on the comprehension's own variables; sets and slices are constants
+        case s.Comprehension():
+            for element in section.elements(expr):
+                yield from distributions(expr.element, element, guards)
+        case s.SetOf() | s.Slice():
+            return  # they are constants
         case s.Weights(pairs=pairs):
-            yield Written(expr, guards)
+            yield Written(expr, section, guards)
             for value, _ in pairs:
                 yield from distributions(value, section, guards)
         case s.Call(function=name, args=args, keywords=keywords):
+            parts = [*args, *(value for _, value in keywords)]
             if is_distribution(name):
-                yield Written(expr, guards)
-            for part in (*args, *(value for _, value in keywords)):
-                if not (is_distribution(name) and isinstance(part, s.Weights)):
-                    yield from distributions(part, section, guards)
+                yield Written(expr, section, guards)
+                parts = [part for part in parts if not isinstance(part, s.Weights)]
+            for part in parts:
+                yield from distributions(part, section, guards)
         case _:
             for inner in s.parts(expr):
                 yield from distributions(inner, section, guards)
+
+
+def _is_drawn(part: s.Expr) -> bool:
+    return isinstance(part, s.Weights) or (isinstance(part, s.Call) and is_distribution(part.function))

@@ -86,6 +86,24 @@ MISTAKES = [
     ({"REWARD": "Normal(mean=0, std=s - 1)"}, "E408", "in s = 0, 'std' of Normal is -1", "s - 1"),
     ({"REWARD": "Exponential(rate=s)"}, "E408", "in s = 0, 'rate' of Exponential is 0", "s"),
     ({"REWARD": "UniformInt(s, 3)"}, "E408", "in s = 4, 'high' - 'low' of UniformInt is -1", "UniformInt(s, 3)"),
+    (
+        {"REWARD": "sum([[Bernoulli(s * k / 3) for k in range(2)][j] for j in range(2)])"},
+        "E402",
+        "in s = 4, 'p' of Bernoulli is 1.33333",
+        "s * k / 3",
+    ),
+    (
+        {"REWARD": "sum([UniformInt(k, s) for k in range(2)])"},
+        "E408",
+        "in s = 0, 'high' - 'low' of UniformInt is -1",
+        None,
+    ),
+    (
+        {"REWARD": "Bernoulli(UniformInt(0, s) / 3)"},
+        "E402",
+        "in s = 4, 'p' of Bernoulli is 1.33333",
+        "UniformInt(0, s) / 3",
+    ),
 ]
 
 
@@ -127,7 +145,9 @@ def test_what_parts_mean_is_known_from_the_build(monkeypatch: pytest.MonkeyPatch
 
 
 def test_probabilities_in_a_branch_that_is_not_taken_do_not_matter() -> None:
-    assert soundness(written(REWARD="Bernoulli(s / 3) if s <= 3 else False")) == []
+    for drawn in ("Bernoulli(s / 3)", "sum([Bernoulli(s / 3) if k > 0 else 0 for k in range(2)])"):
+        assert soundness(written(REWARD=f"{drawn} if s <= 3 else False")) == []
+    assert soundness(written(REWARD="sum([Bernoulli(s / 3) if s <= 3 else False for k in range(2)])")) == []
     found = only(written(REWARD="False if s <= 3 else Bernoulli(s / 3)"))
     assert (found.code, excerpt(found)) == ("E402", "s / 3")
 
