@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,10 +88,8 @@ def _become(job: dict[str, Any]) -> None:
 
 
 def _serve() -> None:
-    import taskspec.cli.app  # what every copy needs
-    import taskspec.exact
-
-    assert taskspec
+    for name in ("cli.app", "exact", "show.pages", "show.record", "tools.authoring.checks"):  # what many copies need
+        import_module(f"taskspec.{name}")
     for line in sys.stdin:
         pid = os.fork()
         if pid == 0:
