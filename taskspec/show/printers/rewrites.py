@@ -97,7 +97,7 @@ def _compute(op: str, a: int, b: int) -> int | None:
 def from_start(w: Writer, vector: s.Expr, axis: int, index: s.Expr) -> s.Expr:
     """Count an index from the start of its axis: `x[-1]` is element `len(x) - 1`."""
     match index:
-        case s.Unary(op="-", operand=s.Number() as back):
+        case s.Unary(op="-", operand=s.Number() as back) if back.value > 0:
             return _fold(s.Binary("-", _length(w, vector, axis), back, index.place))
         case _:
             return index
