@@ -70,7 +70,8 @@ RIGHT = 2
 def test_sticky_repeats_the_action_that_was_executed_last() -> None:
     assert episode(walk("sticky=1"), [LEFT, RIGHT, RIGHT, STAY])[0] == [-1, -2, -3, -4]
     assert episode(walk("sticky=0"), [LEFT, RIGHT, RIGHT, STAY])[0] == [-1, 0, 1, 1]
-    share = [episode(walk("sticky=0.25"), [LEFT, RIGHT], seed)[0] == [-1, -2] for seed in range(400)]
+    often = walk("sticky=0.25")
+    share = [episode(often, [LEFT, RIGHT], seed)[0] == [-1, -2] for seed in range(400)]
     assert abs(np.mean(share) - 0.25) < 0.09
 
 
@@ -108,7 +109,8 @@ def test_rewards_are_changed_by_numbers() -> None:
     assert episode(walk("reward_shift=0.5"), actions)[1] == [1.5, 2.5, 1.5]
     assert episode(walk("potential=s * s"), actions)[1] == [1 + 1, 2 + 3, 1 - 3]
     assert episode(walk("discount=0.5", "potential=s"), actions)[1] == [1 + 0.5, 2 + 0, 1 - 1.5]
-    noisy = [episode(walk("reward_noise=2"), [RIGHT], seed)[1][0] for seed in range(400)]
+    noise = walk("reward_noise=2")
+    noisy = [episode(noise, [RIGHT], seed)[1][0] for seed in range(400)]
     assert abs(np.mean(noisy) - 1) < 0.5 and abs(np.std(noisy) - 2) < 0.3
 
 
