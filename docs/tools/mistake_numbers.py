@@ -14,12 +14,12 @@ from taskspec.language import registry
 from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import demonstrations
 from taskspec.learn.exam.asked_tasks import tasks_of
-from taskspec.learn.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
+from taskspec.learn.exam.dynamics import EXPLORATIONS, Behaviour, Dynamics, EpsilonGreedy, dynamics_of
 from taskspec.learn.exam.fingerprints import is_read
 from taskspec.learn.exam.operators import APART, OPERATORS
 from taskspec.learn.exam.pairings import PAIRINGS, shown_of
 from taskspec.learn.exam.starc import REWARDS, RewardMdp, half_distance
-from taskspec.learn.exam.ways import EXPLORATIONS, actor_ways, greedy_ways, reduced
+from taskspec.learn.exam.ways import actor_ways, greedy_ways, reduced
 
 GAMMA = 0.9
 """The discount of the learners on the pages."""
@@ -197,6 +197,17 @@ def _scaled() -> Evidence:
     return _compared(task, "rewards scaled", right, right / 10, after=after)
 
 
+def _another_discount() -> Evidence:
+    task = _probe("Patience")
+    dynamics = dynamics_of(task, GAMMA)
+    Q = np.zeros_like(dynamics.R)
+    for _ in range(SWEEPS):
+        Q = dynamics.R + GAMMA / 2 * dynamics.following(Q.max(axis=0))
+    return _compared(
+        task, "another discount", q_values(task, "right"), Q, after="What follows counted half of its discount."
+    )
+
+
 def _one_outcome() -> Evidence:
     task = _probe("CoinToss")
     dynamics = dynamics_of(task, GAMMA)
@@ -214,7 +225,8 @@ def _one_outcome() -> Evidence:
 
 
 PATTERNS = {
-    "untrained": _untrained, "one pair": _one_pair, "grows": _grows, "rewards scaled": _scaled, "one outcome": _one_outcome,
+    "untrained": _untrained, "one pair": _one_pair, "grows": _grows, "rewards scaled": _scaled,
+    "another discount": _another_discount, "one outcome": _one_outcome,
 }  # fmt: skip
 
 

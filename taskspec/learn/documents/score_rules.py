@@ -44,6 +44,12 @@ _NUMBERS = (
     _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
     _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
     _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+    _entry(
+        "explained",
+        "explained",
+        "mean",
+        "How much a critic explains of the values of its policy: 1 all, 0 or less nothing.",
+    ),
     _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
 )
 NUMBERS: dict[str, OverSeeds] = {each.word.name: each for each in _NUMBERS}

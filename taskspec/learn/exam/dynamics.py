@@ -24,6 +24,8 @@ from taskspec.language.task.task import Task
 
 STEPS = 5000
 """Steps of episodes that do not end by themselves, at most."""
+EXPLORATIONS = (0.1, 0.2, 0.4)
+"""The shares of random actions of learners that act greedily otherwise."""
 DENSE = 200_000
 """Entries of a matrix that is not sparse, at most."""
 LARGEST = 20_000

@@ -26,7 +26,7 @@ from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
 from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
-from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, on_policy_ways
+from taskspec.learn.exam.ways import Way, actor_ways, critic_values, greedy_ways, on_policy_ways
 
 
 def fingerprint(
@@ -82,7 +82,8 @@ def fingerprint(
     found = _distances(learned, ways, rights, weights, has_moved)
     for name, operator in OPERATORS.items():
         if operator.recognise is not None and operator.of in (None, kind):
-            fit = operator.recognise(dynamics, learned, [each.fixed_point for each in rights])
+            with np.errstate(over="ignore", invalid="ignore"):
+                fit = operator.recognise(dynamics, behaviour, learned, [each.fixed_point for each in rights])
             if fit is not None:
                 found[name] = fit
     return found
@@ -155,6 +156,36 @@ def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) 
     if np.isfinite(found):
         return found
     return None
+
+
+def explained(
+    task: TaskLike, *, values: Any = None, policy: Any = None, discount: float | None = None, **_: Any
+) -> float | None:
+    """Return how much a critic explains of the values of its policy: 1 less the size of its errors, as a share of the values.
+
+    Args:
+        values, policy, discount: as `fingerprint` takes them.
+
+    Returns:
+        1 for right values, 0 or less for those that say nothing; None without a critic, or where all values are 0.
+
+    Raises:
+        SpecError: as for `fingerprint`.
+    """
+    if values is None:
+        return None
+    task = load(task)
+    dynamics = dynamics_of(task, task.discount if discount is None else float(discount))
+    rows = _Observed(task, dynamics.model)
+    pi = rows.read(policy, dynamics.model.n_actions).T
+    V = rows.read(values, None)
+    weights = Behaviour(dynamics, pi).total
+    right = critic_values(dynamics, pi)
+    size = float(weights @ right**2)
+    error = float(weights @ (V - right) ** 2)
+    if size == 0 or not np.isfinite(error):
+        return None
+    return 1 - float(np.sqrt(error / size))
 
 
 def _initial(learned: Array, dynamics: Dynamics) -> float:

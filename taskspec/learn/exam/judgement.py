@@ -30,6 +30,8 @@ ELSEWHERE = 0.25
 """On tasks where it does not differ from what is right, this is near."""
 SAME = 0.05
 """Mistakes whose distances differ by less than this, on the tasks where they differ, cannot be told apart."""
+FEWEST_FITTED = 2
+"""Tasks that a mistake fits, at least, where its fit chooses a number on each."""
 CHANCE = 0.05
 """The probability with which chance alone makes a mistake so much nearer than what is right on the runs (a permutation test)."""
 MOST_TIES = 3
@@ -175,12 +177,20 @@ class _Pooled:
                 return False
             elif is_far_worse:
                 unfinished += 1
-        if len(fitted) <= unfinished:
+        if len(fitted) <= unfinished and not self._is_near(name):
             return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
         if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
             return False
+        if name in OPERATORS and OPERATORS[name].free and len(fitted) < FEWEST_FITTED:
+            return False
         return self._values(name, fitted) >= FEWEST and self._chance(name, fitted) <= CHANCE
+
+    def _is_near(self, name: str) -> bool:
+        """Return whether a mistake is near in the mean over the tasks where it differs from what is right, and clearly nearer."""
+        distance = self.distance(name)
+        of_good = _mean(self.of_good(task) for task in self.tasks(name))
+        return distance <= NEAR and distance <= CLEARER * of_good
 
     def _values(self, name: str, tasks: Sequence[str]) -> int:
         """Return how many values tell a mistake from what is right, less those that its fit chooses."""

@@ -15,7 +15,7 @@ from taskspec.exact.policies.python_files import plain
 from taskspec.exact.policies.values import are_probabilities, is_table
 from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import Demonstrations
-from taskspec.learn.exam.fingerprints import fingerprint, first_value, is_read
+from taskspec.learn.exam.fingerprints import explained, fingerprint, first_value, is_read
 from taskspec.learn.exam.judgement import Judgement, Run, judged
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
@@ -82,6 +82,7 @@ def learned_fields(
         fields["operators"] = {name: fit.distance for name, fit in fits.items()}
         fields["told"] = {name: fit.values for name, fit in fits.items()}
         fields["value"] = first_value(task, **values)
+        fields["explained"] = explained(task, **values)
     except SpecError as error:
         codes = {d.code for d in error.diagnostics}
         if was_given and codes != {"E712"}:

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.learn.exam.dynamics import Behaviour, Dynamics
+from taskspec.learn.exam.dynamics import EXPLORATIONS, Behaviour, Dynamics, EpsilonGreedy
 
 TRACE = 0.95
 """The weight of later errors in advantages that is assumed."""
@@ -29,10 +29,14 @@ BEYOND = 10
 """Values that are so many times larger than the most that can be earned have grown; a few rewards too many are not enough."""
 FRESH = 0.3
 """The size of the values of a network before anything is learned, at most."""
+ASIDE = 2
+"""Values move aside if they are so many times larger than what they have of right ones."""
 FAR = 5
 """Right values that are so many times larger than this are too far to be taken for fresh ones."""
 SCALED = 1.5
 """Values are taken for a multiple of right ones from this factor on."""
+LEAST, MOST = 0.15, 1.3
+"""Values that follow are weighed by a factor between these; by less, they hardly count."""
 FEWEST = 3
 """Values that a mistake has to explain, at least, to be named."""
 
@@ -54,8 +58,8 @@ class BellmanOperator:
         backup: from Q (A, S) and V to the next Q.
         reduce: from Q to V, where this is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
-        recognise: how learned values (A, S), or (S,), fit, where the mistake has no fixed point, from these and the right ones,
-            of the greedy policy first; None if they say nothing.
+        recognise: how learned values (A, S), or (S,), fit, where the mistake has no fixed point, from what the learner does,
+            these and the right ones, of the greedy policy first; None if they say nothing.
         free: numbers of a task that the fit chooses.
         vague: whether many mistakes lead to it, so that any other that explains the values says more.
         varies: whether each run has an outcome of its own, so that runs add values that differ.
@@ -66,7 +70,7 @@ class BellmanOperator:
     backup: Callable[[Dynamics, Behaviour, Array, Array], Array] | None = None
     reduce: Callable[[Dynamics, Behaviour, Array], Array] | None = None
     of: Literal["q", "values"] | None = None
-    recognise: Callable[[Dynamics, Array, Sequence[Array]], Fit | None] | None = None
+    recognise: Callable[[Dynamics, Behaviour, Array, Sequence[Array]], Fit | None] | None = None
     free: int = 0
     vague: bool = False
     varies: bool = False
@@ -211,7 +215,7 @@ def _start_unseen(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
 # -- mistakes without a fixed point, recognised by the values alone ---------------------------------------------------
 
 
-def _grows(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+def _grows(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     values = learned[..., s.acted]
     beyond = int((np.abs(values) > BEYOND * max(s.most, abs(s.initial))).sum())
     if beyond == 0:
@@ -222,7 +226,7 @@ def _grows(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
     return Fit(0.0, beyond)
 
 
-def _scaled(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+def _scaled(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     """Compare values with the nearest multiple of right ones, which is more than `SCALED` times as large, or as small."""
     fits = []
     for right in rights:
@@ -233,6 +237,31 @@ def _scaled(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
         if scale > 0 and abs(np.log(scale)) > np.log(SCALED) and spread > 0:
             apart = rest * float(np.sqrt(((values / scale) ** 2).mean())) / spread
             fits.append(Fit(min(1.0, apart), shown.size))
+    return min(fits, default=None)
+
+
+def _another_discount(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    """Compare values with rewards and those that follow, weighed by the factor that fits best: the share of what it explains."""
+    if learned.ndim == 1:
+        parts = [(acts.expected(s.R), acts.expected(s.following(learned)))]
+    else:
+        policies = [EpsilonGreedy(share)(learned) for share in (0.0, *EXPLORATIONS)]
+        parts = [(s.R, s.following((pi * learned).sum(axis=0))) for pi in policies]
+    right = rights[0][..., s.acted]
+    size = float(right.std()) or float(np.abs(right).max())
+    fits = []
+    for paid, following in parts:
+        ahead = following[..., s.acted]
+        rest = (learned - paid)[..., s.acted]
+        squared = float((ahead**2).sum())
+        if not 0 < squared < np.inf or size == 0:
+            continue
+        factor = float((ahead * rest).sum()) / squared
+        told = int((np.abs((factor - s.gamma) * ahead) >= APART * size).sum())
+        if told > 1 and LEAST < factor < MOST:
+            left = float(np.sqrt(((rest - factor * ahead) ** 2).mean()))
+            explained = abs(factor - s.gamma) * float(np.sqrt((ahead**2).mean()))
+            fits.append(Fit(min(1.0, left / explained), told))
     return min(fits, default=None)
 
 
@@ -248,7 +277,7 @@ def _multiple(values: Array, right: Array) -> tuple[float, float]:
     return factor * largest, float(np.sqrt(rest))
 
 
-def _one_pair(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+def _one_pair(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     right = rights[0]
     paid = int((np.abs(right[:, s.acted] - s.initial) > APART * np.abs(right).max()).sum())
     if paid < FEWEST:
@@ -257,22 +286,28 @@ def _one_pair(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | Non
     return Fit(float(changed.sum() != 1), paid)
 
 
-def _untrained(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
-    """Compare values with those of a fresh network: small, and without a likeness to right ones."""
+def _untrained(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
+    """Compare values with those of a fresh network, which are small, or moved by what else is learned: away from right ones, or
+    aside. Values that move towards right ones are trained, however slowly.
+    """
     right = rights[0][..., s.acted]
     squared = float((right**2).sum())
     if squared == 0:
         return None
     values = learned[..., s.acted] - s.initial
     likeness = float((values * right).sum()) / squared
-    if np.sqrt((values**2).mean()) > FRESH or likeness > 0.5:
+    size = float(np.sqrt((values**2).mean()))
+    of_right = float(np.sqrt((right**2).mean()))
+    is_fresh = size <= FRESH
+    is_aside = likeness < 0 or size >= ASIDE * likeness * of_right
+    if likeness > 0.5 or not (is_fresh or is_aside):
         return Fit(1.0, values.size)
-    if values.any() and np.sqrt((right**2).mean()) < FAR * FRESH:
+    if values.any() and of_right < FAR * FRESH:
         return None
-    return Fit(abs(likeness), values.size)
+    return Fit(min(1.0, abs(likeness)), values.size)
 
 
-def _one_outcome(s: Dynamics, learned: Array, rights: Sequence[Array]) -> Fit | None:
+def _one_outcome(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     """Compare values after chance with the value of one outcome: how near the nearest is, where half of their range is 1.
 
     What follows is worth what was learned, so that mistakes do not add up on the way.
@@ -323,6 +358,7 @@ OPERATORS = {
     "discounted twice": BellmanOperator(ahead=lambda s, acts, V: s.gamma * s.following(V)),
     "undiscounted": BellmanOperator(backup=lambda s, acts, Q, V: s.R + s.following(V)),
     "discounted from the start": BellmanOperator(backup=_from_the_start),
+    "another discount": BellmanOperator(recognise=_another_discount, free=1, vague=True),
     "immediate reward": BellmanOperator(ahead=lambda s, acts, V: np.zeros_like(s.R)),
     # -- rewards
     "rewards clipped": BellmanOperator(reward=lambda s, acts: s.changed["clipped"]),

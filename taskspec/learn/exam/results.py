@@ -39,7 +39,7 @@ Score = TypedDict(
         "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
         "pairings": NotRequired[dict[str, float] | None],
         "told": NotRequired[dict[str, int] | None], "unread": NotRequired[str | None],
-        "value": NotRequired[float | None], "longer": NotRequired[float | None],
+        "value": NotRequired[float | None], "explained": NotRequired[float | None], "longer": NotRequired[float | None],
         "reseeded": NotRequired[float | None],
     },
 )  # fmt: skip
@@ -49,9 +49,9 @@ the distance of a learned reward to the true one, `reward_regret` the score lost
 distances of learned values from the fixed points of Bellman operators (`fingerprints`), `told` how many values tell each of
 them from right ones, `unread` why they are not compared; `rewards` those of a learned reward from known ones (`starc`),
 `pairings` those of a policy from what was demonstrated (`pairings`). `value` is the learned value of the first states, in
-units of the expert's return less that of random actions, `longer` the score on a longer horizon, `reseeded` the share of
-resets with a seed that was given before. Points of the `curve` are policies that the learner showed, else means of its
-training episodes."""
+units of the expert's return less that of random actions, `explained` how much a critic explains of the values of its policy,
+`longer` the score on a longer horizon, `reseeded` the share of resets with a seed that was given before. Points of the `curve`
+are policies that the learner showed, else means of its training episodes."""
 
 
 class Examined(TypedDict):

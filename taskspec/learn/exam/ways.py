@@ -14,11 +14,9 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.language.task.task import Task
-from taskspec.learn.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
+from taskspec.learn.exam.dynamics import EXPLORATIONS, Behaviour, Dynamics, EpsilonGreedy, dynamics_of
 from taskspec.learn.exam.operators import GOOD, OPERATORS, BellmanOperator
 
-EXPLORATIONS = (0.1, 0.2, 0.4)
-"""The shares of random actions of learners that act greedily otherwise."""
 FIRST_STRIDE, GROWTH = 0.1, 1.08
 """Of the way to a fixed point: the share of its error by which the value that is visited most often changes in the first stride,
 and how much longer each stride is than the one before."""
@@ -180,6 +178,11 @@ def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
                 acts = _Actor((1 - share) * pi + share / len(pi))
                 ways[name].append(way(dynamics, operator, acts, is_critic=True, by_visits=by_visits))
     return ways
+
+
+def critic_values(dynamics: Dynamics, pi: Array) -> Array:
+    """Return the right values (S,) of a policy (A, S)."""
+    return way(dynamics, OPERATORS["right"], _Actor(pi), is_critic=True, by_visits=False).fixed_point
 
 
 def _operators(kind: Literal["q", "values"]) -> dict[str, BellmanOperator]:

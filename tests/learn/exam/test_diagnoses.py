@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -113,6 +114,32 @@ def _score(probe: str, pi: Any) -> float:
     assert results.random is not None and results.expert is not None
     value = policy_value(results, np.asarray(pi), True).value.value
     return (value - results.random.value) / (results.expert.value - results.random.value)
+
+
+TARGETS = ("EndInPlace", "Hazard", "ValueLeft", "SecondThought", "CoinToss", "Sizes", "Patience", "Echo")
+
+
+@pytest.mark.parametrize(
+    ("failed", "explained", "expected"),
+    [
+        (TARGETS[:3], 0.9, ["critic_alone"]),
+        (TARGETS[:3], 0.3, []),  # neither has learned
+        (TARGETS[:3], None, []),  # there is no critic
+        (TARGETS[:2], 0.9, []),
+        (TARGETS, 0.9, ["at_random"]),
+    ],
+)
+def test_a_policy_that_does_not_follow_its_critic_is_told(
+    failed: Sequence[str], explained: float | None, expected: list[str]
+) -> None:
+    assert told(dict.fromkeys(failed, 0.0), explained=explained) == expected
+
+
+def test_imitators_that_end_episodes_early_are_told() -> None:
+    by_task = {"EndInPlace": _score("EndInPlace", [1]), "Slip": _score("Slip", [0, 0, 0])}
+    assert told(by_task, "demonstrations") == ["ends_early"]
+    assert told({"Slip": by_task["Slip"]}, "demonstrations") == []
+    assert told(by_task) == []
 
 
 def test_broken_learners_have_no_diagnosis() -> None:

@@ -78,6 +78,8 @@ def target(
             return GAMMA * (reward + goes_on * value)
         case "discounted twice":
             return reward + GAMMA**2 * goes_on * value
+        case "another discount":
+            return reward + 0.6 * GAMMA * goes_on * value
         case "immediate reward":
             return reward
         case "rewards clipped":
@@ -103,8 +105,8 @@ def explained(tables: Sequence[tuple[str, np.ndarray]]) -> list[str]:
 
 SAMPLED = (
     "right", "on policy", "ends ignored", "next episode", "limit is an end", "same state", "mean of actions", "least action",
-    "all states", "action before", "reward discounted", "discounted twice", "immediate reward", "rewards clipped",
-    "signs of rewards", "reward negated",
+    "all states", "action before", "reward discounted", "discounted twice", "another discount", "immediate reward",
+    "rewards clipped", "signs of rewards", "reward negated",
 )  # fmt: skip
 """Mistakes of `target`; others are those of the learners in `tests/verification/exam_study`."""
 ALIKE = {"ends ignored": [["ends ignored", "reset at the end"]]}

@@ -30,6 +30,7 @@ def names(*tasks: Distances, seeds: int = 5, values: int = 4) -> tuple[str, ...]
         ((), [FITS, {"right": 0.02, "limit is an end": 0.6}]),  # one contradicts it
         ((), [FITS, FITS, {"right": 0.3, "limit is an end": 0.9}]),  # one where neither explains, and it is far worse
         ((), [FITS, {"right": 0.9, "limit is an end": 0.7}]),  # as many are unfinished
+        (("limit is an end",), [*[FITS] * 4, *[{"right": 0.6, "limit is an end": 0.22}] * 5]),  # near in the mean over tasks
         ((), [FITS, {"right": 0.6}]),  # where it makes no difference, values are wrong
         ((), [{"right": 0.3, "limit is an end": 0.18}]),  # it is merely nearer
         (("limit is an end", "mask late"), [{**FITS, "mask late": 0.08}]),  # a tie
@@ -50,8 +51,10 @@ def test_few_runs_and_few_values_name_nothing() -> None:
     assert names(FITS, seeds=4) == ()
     assert names(FITS, FITS, seeds=3) == ("limit is an end",)
     assert names(FITS, values=2) == ()
-    assert names({"right": 0.8, "one pair": 0.0}, values=3) == ()  # the fit chooses one of them
-    assert names({"right": 0.8, "one pair": 0.0}, values=4) == ("one pair",)
+    free = {"right": 0.8, "one pair": 0.0}  # the fit chooses a value of each task
+    assert names(free, free, values=2) == ()
+    assert names(free, values=9) == ()
+    assert names(free, free, values=3) == ("one pair",)
 
 
 def test_the_nearest_are_listed_where_none_is_named() -> None:

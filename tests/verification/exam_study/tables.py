@@ -77,7 +77,10 @@ class Tables:
                 now = _fields(load(task), learned, score["seed"], terms)
                 score = {
                     **score,
-                    **{name: now.get(name) for name in ("operators", "told", "unread", "rewards", "pairings")},
+                    **{
+                        name: now.get(name)
+                        for name in ("operators", "told", "unread", "explained", "rewards", "pairings")
+                    },
                 }
             scores.append(score)
         return {**exam, "scores": scores}
