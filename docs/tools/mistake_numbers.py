@@ -199,13 +199,24 @@ def _scaled() -> Evidence:
 
 def _another_discount() -> Evidence:
     task = _probe("Patience")
-    dynamics = dynamics_of(task, GAMMA)
+    Q = _fixed_point(dynamics_of(task, GAMMA), gamma=GAMMA / 2)
+    after = "What follows counted half of its discount."
+    return _compared(task, "another discount", q_values(task, "right"), Q, after=after)
+
+
+def _shifted() -> Evidence:
+    task = _probe("EndInPlace")
+    Q = _fixed_point(dynamics_of(task, GAMMA), shift=-1.0)
+    after = "Each step cost 1, until the end."
+    return _compared(task, "rewards shifted", q_values(task, "right"), Q, after=after)
+
+
+def _fixed_point(dynamics: Dynamics, gamma: float = GAMMA, shift: float = 0.0) -> Array:
+    """Return action values (A, S) for another discount, or with a constant added to each reward."""
     Q = np.zeros_like(dynamics.R)
     for _ in range(SWEEPS):
-        Q = dynamics.R + GAMMA / 2 * dynamics.following(Q.max(axis=0))
-    return _compared(
-        task, "another discount", q_values(task, "right"), Q, after="What follows counted half of its discount."
-    )
+        Q = dynamics.R + shift + gamma * dynamics.following(Q.max(axis=0))
+    return Q
 
 
 def _one_outcome() -> Evidence:
@@ -226,7 +237,7 @@ def _one_outcome() -> Evidence:
 
 PATTERNS = {
     "untrained": _untrained, "one pair": _one_pair, "grows": _grows, "rewards scaled": _scaled,
-    "another discount": _another_discount, "one outcome": _one_outcome,
+    "another discount": _another_discount, "rewards shifted": _shifted, "one outcome": _one_outcome,
 }  # fmt: skip
 
 

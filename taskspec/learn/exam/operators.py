@@ -35,8 +35,6 @@ FAR = 5
 """Right values that are so many times larger than this are too far to be taken for fresh ones."""
 SCALED = 1.5
 """Values are taken for a multiple of right ones from this factor on."""
-LEAST, MOST = 0.15, 1.3
-"""Values that follow are weighed by a factor between these; by less, they hardly count."""
 FEWEST = 3
 """Values that a mistake has to explain, at least, to be named."""
 
@@ -240,29 +238,36 @@ def _scaled(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array
     return min(fits, default=None)
 
 
-def _another_discount(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
-    """Compare values with rewards and those that follow, weighed by the factor that fits best: the share of what it explains."""
+def _weighed(name: Literal["ahead", "shift"]) -> Callable[[Dynamics, Behaviour, Array, Sequence[Array]], Fit | None]:
+    """Return a recogniser of what follows that is weighed by another factor, or of a constant that is added to each reward.
+
+    Learned values less rewards and what follows are compared with the multiple of either that fits best: the share of them that
+    it leaves. It says nothing where a multiple of the other one, or of rewards, leaves as little.
+    """
+
+    def recognise(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
+        right = rights[0][..., s.acted]
+        size = APART * (float(right.std()) or float(np.abs(right).max()))
+        fits = []
+        for paid, following in _parts(s, acts, learned):
+            terms = {"ahead": following[..., s.acted], "shift": np.ones_like(right), "paid": paid[..., s.acted]}
+            left = learned[..., s.acted] - terms["paid"] - s.gamma * terms["ahead"]
+            shares = {term: _multiple(left, each)[1] for term, each in terms.items()}
+            told = int((np.abs(left) >= size).sum())
+            own = shares.pop(name)
+            if told > 1 and own <= min(shares.values()) / 2:
+                fits.append(Fit(own, told))
+        return min(fits, default=None)
+
+    return recognise
+
+
+def _parts(s: Dynamics, acts: Behaviour, learned: Array) -> list[tuple[Array, Array]]:
+    """Return rewards and what follows, (S,) of a critic, or (A, S) for several shares of random actions."""
     if learned.ndim == 1:
-        parts = [(acts.expected(s.R), acts.expected(s.following(learned)))]
-    else:
-        policies = [EpsilonGreedy(share)(learned) for share in (0.0, *EXPLORATIONS)]
-        parts = [(s.R, s.following((pi * learned).sum(axis=0))) for pi in policies]
-    right = rights[0][..., s.acted]
-    size = float(right.std()) or float(np.abs(right).max())
-    fits = []
-    for paid, following in parts:
-        ahead = following[..., s.acted]
-        rest = (learned - paid)[..., s.acted]
-        squared = float((ahead**2).sum())
-        if not 0 < squared < np.inf or size == 0:
-            continue
-        factor = float((ahead * rest).sum()) / squared
-        told = int((np.abs((factor - s.gamma) * ahead) >= APART * size).sum())
-        if told > 1 and LEAST < factor < MOST:
-            left = float(np.sqrt(((rest - factor * ahead) ** 2).mean()))
-            explained = abs(factor - s.gamma) * float(np.sqrt((ahead**2).mean()))
-            fits.append(Fit(min(1.0, left / explained), told))
-    return min(fits, default=None)
+        return [(acts.expected(s.R), acts.expected(s.following(learned)))]
+    policies = [EpsilonGreedy(share)(learned) for share in (0.0, *EXPLORATIONS)]
+    return [(s.R, s.following((pi * learned).sum(axis=0))) for pi in policies]
 
 
 def _multiple(values: Array, right: Array) -> tuple[float, float]:
@@ -358,7 +363,7 @@ OPERATORS = {
     "discounted twice": BellmanOperator(ahead=lambda s, acts, V: s.gamma * s.following(V)),
     "undiscounted": BellmanOperator(backup=lambda s, acts, Q, V: s.R + s.following(V)),
     "discounted from the start": BellmanOperator(backup=_from_the_start),
-    "another discount": BellmanOperator(recognise=_another_discount, free=1, vague=True),
+    "another discount": BellmanOperator(recognise=_weighed("ahead"), free=1, vague=True),
     "immediate reward": BellmanOperator(ahead=lambda s, acts, V: np.zeros_like(s.R)),
     # -- rewards
     "rewards clipped": BellmanOperator(reward=lambda s, acts: s.changed["clipped"]),
@@ -368,6 +373,7 @@ OPERATORS = {
     "signs of rewards": BellmanOperator(reward=lambda s, acts: s.changed["signs"]),
     "reward negated": BellmanOperator(reward=lambda s, acts: -s.R),
     "rewards centred": BellmanOperator(reward=lambda s, acts: s.R - acts.mean_reward),
+    "rewards shifted": BellmanOperator(recognise=_weighed("shift"), free=1, vague=True),
     "rewards standardised": BellmanOperator(reward=_standardised),
     "rewards added up": BellmanOperator(reward=_rewards_added),
     "return of the episode": BellmanOperator(backup=_whole_return),

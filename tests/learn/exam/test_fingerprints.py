@@ -78,6 +78,8 @@ def target(
             return GAMMA * (reward + goes_on * value)
         case "discounted twice":
             return reward + GAMMA**2 * goes_on * value
+        case "rewards shifted":
+            return reward - 0.5 + GAMMA * goes_on * value
         case "another discount":
             return reward + 0.6 * GAMMA * goes_on * value
         case "immediate reward":
@@ -120,6 +122,13 @@ def test_a_sampled_learner_is_named_by_its_values(mistake: str) -> None:
     steps = 60_000 if mistake in SLOW else 25_000
     tables = [(task, learned_q(task, mistake, seed, steps)) for task in TASKS for seed in range(11, 14)]
     assert explained(tables) in ([mistake], *ALIKE.get(mistake, ()))
+
+
+def test_a_constant_that_is_added_to_rewards_is_named() -> None:
+    tables = []
+    for probe in ("EndInPlace", "SecondThought", "Slip"):
+        tables += [(f"probes/{probe}", learned_q(f"probes/{probe}", "rewards shifted", seed)) for seed in (11, 12)]
+    assert explained(tables) == ["rewards shifted"]
 
 
 @pytest.mark.parametrize("steps", [300, 3000])
