@@ -490,5 +490,6 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "operators": row.get("operators"), "told": row.get("told"), "unread": row.get("unread"),
         "rewards": row.get("rewards"), "pairings": row.get("pairings"),
         "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
+        "explained": row.get("explained"),
         "reseeded": row.get("reseeded"),
     }  # fmt: skip

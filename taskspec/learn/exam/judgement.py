@@ -177,7 +177,7 @@ class _Pooled:
                 return False
             elif is_far_worse:
                 unfinished += 1
-        if len(fitted) <= unfinished and not self._is_near(name):
+        if len(fitted) <= unfinished:
             return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
         if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
@@ -185,12 +185,6 @@ class _Pooled:
         if name in OPERATORS and OPERATORS[name].free and len(fitted) < FEWEST_FITTED:
             return False
         return self._values(name, fitted) >= FEWEST and self._chance(name, fitted) <= CHANCE
-
-    def _is_near(self, name: str) -> bool:
-        """Return whether a mistake is near in the mean over the tasks where it differs from what is right, and clearly nearer."""
-        distance = self.distance(name)
-        of_good = _mean(self.of_good(task) for task in self.tasks(name))
-        return distance <= NEAR and distance <= CLEARER * of_good
 
     def _values(self, name: str, tasks: Sequence[str]) -> int:
         """Return how many values tell a mistake from what is right, less those that its fit chooses."""

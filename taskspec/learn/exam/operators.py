@@ -29,8 +29,9 @@ BEYOND = 10
 """Values that are so many times larger than the most that can be earned have grown; a few rewards too many are not enough."""
 FRESH = 0.3
 """The size of the values of a network before anything is learned, at most."""
-ASIDE = 2
-"""Values move aside if they are so many times larger than what they have of right ones."""
+DRIFTED, ASIDE = 0.6, 2
+"""The size of values that are moved by what else the network learns, at most, and how many times larger they are than what they
+have of right ones."""
 FAR = 5
 """Right values that are so many times larger than this are too far to be taken for fresh ones."""
 SCALED = 1.5
@@ -303,9 +304,9 @@ def _untrained(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Ar
     likeness = float((values * right).sum()) / squared
     size = float(np.sqrt((values**2).mean()))
     of_right = float(np.sqrt((right**2).mean()))
-    is_fresh = size <= FRESH
     is_aside = likeness < 0 or size >= ASIDE * likeness * of_right
-    if likeness > 0.5 or not (is_fresh or is_aside):
+    limit = DRIFTED if is_aside else FRESH
+    if likeness > 0.5 or size > limit:
         return Fit(1.0, values.size)
     if values.any() and of_right < FAR * FRESH:
         return None
@@ -390,7 +391,7 @@ OPERATORS = {
     "advantages": BellmanOperator(backup=_advantages, of="values"),
     "grows": BellmanOperator(recognise=_grows, vague=True),
     "one pair": BellmanOperator(of="q", recognise=_one_pair, free=1),
-    "untrained": BellmanOperator(recognise=_untrained, free=1, vague=True),
+    "untrained": BellmanOperator(recognise=_untrained, free=1),
     "one outcome": BellmanOperator(of="q", recognise=_one_outcome, varies=True),
 }
 """Operators by the name of the mistake that makes a learner apply them; the right one first."""

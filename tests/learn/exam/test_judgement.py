@@ -30,7 +30,6 @@ def names(*tasks: Distances, seeds: int = 5, values: int = 4) -> tuple[str, ...]
         ((), [FITS, {"right": 0.02, "limit is an end": 0.6}]),  # one contradicts it
         ((), [FITS, FITS, {"right": 0.3, "limit is an end": 0.9}]),  # one where neither explains, and it is far worse
         ((), [FITS, {"right": 0.9, "limit is an end": 0.7}]),  # as many are unfinished
-        (("limit is an end",), [*[FITS] * 4, *[{"right": 0.6, "limit is an end": 0.22}] * 5]),  # near in the mean over tasks
         ((), [FITS, {"right": 0.6}]),  # where it makes no difference, values are wrong
         ((), [{"right": 0.3, "limit is an end": 0.18}]),  # it is merely nearer
         (("limit is an end", "mask late"), [{**FITS, "mask late": 0.08}]),  # a tie

@@ -189,6 +189,19 @@ def test_the_network_of_dqn_is_read_as_a_table_of_the_same_values_is() -> None:
     assert learned_fields(task, Deep(q), True) == learned_fields(task, Learned(q, discount=GAMMA), True) != {}
 
 
+@pytest.mark.parametrize(("value", "explained"), [(5.0, 1.0), (4.0, 0.8), (0.0, 0.0), (-5.0, -1.0)])
+def test_an_exam_says_how_much_a_critic_explains(value: float, explained: float) -> None:
+    """Work pays 1/2 in each step, and goes on."""
+
+    @learns_from("reward")
+    def learner(case: Case) -> Learned:
+        return Learned(np.array([[1.0, 0.0]]), values=np.array([value]), discount=GAMMA)
+
+    found = examine(learner, tasks=["probes/EndInPlace"], seeds=1, twins=0)
+    (score,) = found["scores"]
+    assert score["explained"] == pytest.approx(explained, abs=1e-3)
+
+
 def test_a_critic_is_read_with_the_probabilities_of_its_actor() -> None:
     task = taskspec.load(TASKS[1])
     rng = np.random.default_rng(0)
