@@ -161,7 +161,8 @@ class _Pooled:
         """Return whether a mistake explains all runs, and what is right does not.
 
         Tasks that both explain tell nothing. On tasks that neither explains the values are not finished: fewer than those that
-        the mistake fits; one on which it is far worse than what is right counts as two.
+        the mistake fits; one on which it is far worse than what is right counts as two. Where its fit chooses a number of each
+        task, those on which it says nothing count as well.
         """
         fitted = []
         unfinished = 0
@@ -177,12 +178,14 @@ class _Pooled:
                 return False
             elif is_far_worse:
                 unfinished += 1
-        if len(fitted) <= unfinished:
-            return False
         others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
         if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
             return False
-        if name in OPERATORS and OPERATORS[name].free and len(fitted) < FEWEST_FITTED:
+        if name in OPERATORS and OPERATORS[name].free:
+            unfinished += sum(of_good > NEAR for of_good in others)
+            if len(fitted) < FEWEST_FITTED:
+                return False
+        if len(fitted) <= unfinished:
             return False
         return self._values(name, fitted) >= FEWEST and self._chance(name, fitted) <= CHANCE
 

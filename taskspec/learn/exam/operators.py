@@ -391,7 +391,7 @@ OPERATORS = {
     "advantages": BellmanOperator(backup=_advantages, of="values"),
     "grows": BellmanOperator(recognise=_grows, vague=True),
     "one pair": BellmanOperator(of="q", recognise=_one_pair, free=1),
-    "untrained": BellmanOperator(recognise=_untrained, free=1),
+    "untrained": BellmanOperator(recognise=_untrained),
     "one outcome": BellmanOperator(of="q", recognise=_one_outcome, varies=True),
 }
 """Operators by the name of the mistake that makes a learner apply them; the right one first."""
