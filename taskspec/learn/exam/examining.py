@@ -261,7 +261,7 @@ def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], 
     if not changed:
         return []
     others = {each.name: each.changed for each in changed}
-    trials.explained = False
+    trials.is_compared = False
     plan = trials.plan(others.values(), tuple(exam["seeds"]), 0, False)
     rows = trials.run(plan)
     trials.twins = 0
@@ -287,7 +287,7 @@ class _Trials:
     steps: int | None
     workers: Workers | None = None
     kept: Path | None = None
-    explained: bool = True
+    is_compared: bool = True
     """Whether what was learned is compared with known mistakes."""
     has_scores: bool = False
     """Whether a training run succeeded."""
@@ -322,7 +322,7 @@ class _Trials:
             horizon = evaluate.longer_than(task.horizon)
         place = self.who.place or ""
         trial = Trial(
-            about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon, self.explained
+            about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon, self.is_compared
         )
         return Planned(task, twin, trial)
 

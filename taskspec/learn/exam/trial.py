@@ -148,7 +148,7 @@ class Trial:
         episodes: for scores that have to be simulated.
         limits: that hold, as `taskspec.base.limits.also` takes them.
         longer: a horizon on which policies are scored, too.
-        explained: whether what was learned is compared with known mistakes, too.
+        is_compared: whether what was learned is compared with known mistakes, too.
     """
 
     about: Task
@@ -160,7 +160,7 @@ class Trial:
     episodes: int
     limits: str
     longer: int | None = None
-    explained: bool = True
+    is_compared: bool = True
 
     @property
     def key(self) -> str:
@@ -174,7 +174,7 @@ class Trial:
             self.episodes,
             self.limits,
             self.longer,
-            self.explained,
+            self.is_compared,
         )
 
 
@@ -200,7 +200,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
             rows = [_scored(policy, case, results, i) for i, policy in enumerate(policies)]
-            if trial.explained:
+            if trial.is_compared:
                 for i, policy in enumerate(policies):
                     sees_reward = "reward" in case.terms.learns_from
                     rows[i] |= learned_fields(results.task, policy, sees_reward, case.shown_to(i))
