@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array, parts_of
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.model.model import Model, misused, refuse
-from taskspec.exact.policies.adapters import ProbabilisticPolicy
 from taskspec.exact.policies.networks import outputs_of
-from taskspec.exact.policies.policy import states_of
+from taskspec.exact.policies.state_observations import StateObservations
 from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
@@ -214,13 +213,12 @@ class _Observed:
     """Observations of the states of a model."""
 
     def __init__(self, task: Task, model: Model) -> None:
-        reader = ProbabilisticPolicy(task, np.asarray, 0)
-        if reader.is_noisy or reader.sees_time:
+        shown = StateObservations(model)
+        if not shown.is_known or shown.is_timed:
             refuse(f"observations of {task.id} are not functions of the state")
         self.layout = task.observation_layout
-        self.rows = reader.observe(states_of(model), 0, np.random.default_rng(0))
-        parts = [np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts_of(self.rows)]
-        flat = np.hstack(parts)
+        self.rows = shown.at(0)
+        flat = shown.matrix(0)
         acted = flat[model.acting]
         if len(np.unique(acted, axis=0)) < len(acted):
             refuse(f"two states of {task.id} look alike, so that they share their learned values")
