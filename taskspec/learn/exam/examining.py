@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import shlex
 import sys
@@ -147,13 +148,13 @@ def examine(
         trials.workers = workers
         trials.kept = kept
         if within is not None:
-            found_seeds = _within(within, trials, list(asked.values()), steps)
-            numbers = _numbers(found_seeds if seeds is None else seeds, until_sure)
+            affordable = _within(within, trials, list(asked.values()), steps)
+            numbers = _numbers(affordable if seeds is None else seeds, until_sure)
         if baseline is not None:
             hashes = {name: task.content_hash for name, task in asked.items()}
             most = max(trials.granted(task) for task in asked.values())
             check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
-        measured = trials.measured(asked)
+        about = trials.examined(asked)
         is_tried = within is not None
         if announce is not None and workers is not None and not is_tried:
             announce(trials.estimate(list(asked.values()), numbers, workers.count))
@@ -162,7 +163,7 @@ def examine(
             numbers = numbers[:1]
             trials.twins = 0
             trials.peeks = False
-        exam = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
+        exam = _looked_at(trials, asked, numbers, about, " and ".join(suites), until_sure)
         declared = getattr(who.train, "obeys", ())
         laws_found = _with_laws(trials, asked, _tried(laws, declared), exam)
     exam["flags"] = [*flags(exam["tasks"], exam["scores"], baseline), *learned_flags(exam["scores"])]
@@ -190,8 +191,10 @@ def _processes(who: Examinee, running: Running) -> AbstractContextManager[Worker
 
 def _diagnose(exam: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
     """Add diagnoses, those that are nearly made, and flags for those that the baseline does not get."""
-    exam["diagnoses"] = [each for name in suites for each in diagnose(exam, name)]
-    exam["undecided"] = [each for name in suites for each in undecided(exam, name)]
+    exam["undecided"] = []
+    for name in suites:
+        exam["diagnoses"] += diagnose(exam, name)
+        exam["undecided"] += undecided(exam, name)
     if baseline is not None:
         exam["undecided"] += almost(exam["tasks"], exam["scores"], baseline)
         for name in suites:
@@ -221,12 +224,13 @@ def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | Non
 
 
 def _looked_at(
-    trials: _Trials, asked: Mapping[str, Task], seeds: tuple[int, ...], measured: Mapping[str, list[dict[str, Any]]],
-    suite: str, until_sure: bool,
+    trials: _Trials, asked: Mapping[str, Task], seeds: tuple[int, ...], about: dict[str, Examined], suite: str,
+    until_sure: bool,
 ) -> Exam:  # fmt: skip
     """Return scores and verdicts; if it goes on until it is sure, seeds are added where it is not."""
-    ends = LOOKS if until_sure else (len(seeds),)
-    about = {name: _examined(task, measured[name]) for name, task in asked.items()}
+    ends: tuple[int, ...] = (len(seeds),)
+    if until_sure:
+        ends = LOOKS
     plan: list[Planned] = []
     rows: list[list[Row]] = []
     open_tasks = list(asked)
@@ -240,8 +244,10 @@ def _looked_at(
         begin = end
         exam = _exam(trials.who, suite, plan, rows, about)
         exam["verdicts"] = verdicts(exam["tasks"], exam["scores"], len(ends))
-        unsure = [each["tasks"] for each in exam["verdicts"].values() if each["verdict"] == "unsure"]
-        open_tasks = [task for names in unsure for task in names]
+        open_tasks = []
+        for each in exam["verdicts"].values():
+            if each["verdict"] == "unsure":
+                open_tasks += each["tasks"]
         if not open_tasks:
             break
     return exam
@@ -265,9 +271,7 @@ def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], 
     plan = trials.plan(others.values(), tuple(exam["seeds"]), 0, False)
     rows = trials.run(plan)
     trials.twins = 0
-    measured = trials.measured(others)
-    about = {name: _examined(task, measured[name]) for name, task in others.items()}
-    return law_scores(changed, exam, _exam(trials.who, "", plan, rows, about))
+    return law_scores(changed, exam, _exam(trials.who, "", plan, rows, trials.examined(others)))
 
 
 # The plan, and the jobs that it consists of.
@@ -301,7 +305,9 @@ class _Trials:
 
     def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, peeks: bool) -> list[Planned]:
         """Return a trial for every task, twin and block of seeds, and for the first seeds with withheld rewards negated."""
-        width = WIDEST if self.who.together else 1
+        width = 1
+        if self.who.together:
+            width = WIDEST
         blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
         peeking = []
         if peeks and "reward" not in self.who.learns_from:
@@ -337,18 +343,23 @@ class _Trials:
             some = tried.setdefault(exam_id(planned.task), [])
             if len(some) < 2 and planned.twin is None and not planned.trial.negated:
                 some.append(planned)
-        self.run([planned for some in tried.values() for planned in some])
+        self.run(list(itertools.chain.from_iterable(tried.values())))
         known = self.store.results(planned.trial.key for planned in plan)
         each: dict[str, float] = {}
         preparing: dict[str, float] = {}
         for name, some in tried.items():
-            first, *others = (known[planned.trial.key].seconds for planned in some)
-            each[name] = min([first, *others])
-            preparing[name] = first - each[name]
-        left = [planned for planned in plan if planned.trial.key not in known]
-        forms = {planned.trial.about.content_hash: exam_id(planned.task) for planned in left if planned.twin}
-        seconds = sum(each[exam_id(planned.task)] for planned in left)
-        seconds += sum(preparing[name] for name in forms.values())
+            spent = [known[planned.trial.key].seconds for planned in some]
+            each[name] = min(spent)
+            preparing[name] = spent[0] - each[name]
+        seconds = 0.0
+        forms: dict[str, float] = {}
+        for planned in plan:
+            if planned.trial.key not in known:
+                name = exam_id(planned.task)
+                seconds += each[name]
+                if planned.twin:
+                    forms[planned.trial.about.content_hash] = preparing[name]
+        seconds += sum(forms.values())
         trials = f"{plural(len(plan), 'trial')} of at most {max(map(self.granted, asked)):,} steps"
         return f"{trials}, {processes} at a time: about {duration(seconds / processes)}"
 
@@ -358,50 +369,59 @@ class _Trials:
             rows = [_trained_here(planned, self.who) for planned in plan]
         else:
             rows = self._trained_apart(plan)
-        self.has_scores = self.has_scores or any("deterministic" in row for block in rows for row in block)
+        for block in rows:
+            self.has_scores |= any("deterministic" in row for row in block)
         return rows
 
     def _trained_apart(self, plan: Sequence[Planned]) -> list[list[Row]]:
         """Return rows of training runs in other processes."""
-        keys = [planned.trial.key for planned in plan]
         jobs = []
-        for key, planned in zip(keys, plan, strict=True):
+        for planned in plan:
             trial = planned.trial
             group = trial.about.content_hash
-            jobs.append(Job(key, planned.name, run_trial, (trial,), group, limits_itself=True))
+            jobs.append(Job(trial.key, planned.name, run_trial, (trial,), group, limits_itself=True))
         printed = None
         if self.kept is not None:
             printed = self.kept / PRINTED
         done = run(jobs, self.store, self.running, self.who.name, self.workers, printed)
         rows = []
-        for key, planned in zip(keys, plan, strict=True):
-            result = done[key]
-            failed = _failed(planned, result.message or result.status)
-            rows.append(result.value if result.status == "done" else failed)
+        for job, planned in zip(jobs, plan, strict=True):
+            result = done[job.key]
+            if result.status == "done":
+                rows.append(result.value)
+            else:
+                rows.append(_failed(planned, result.message or result.status))
         return rows
 
-    def measured(self, asked: Mapping[str, Task]) -> dict[str, list[dict[str, Any]]]:
-        """Return the baselines of each task, and of each of its twins."""
+    def examined(self, asked: Mapping[str, Task]) -> dict[str, Examined]:
+        """Return each task with its baselines, which are those of its twins, too."""
         variants = {}
         for name, task in asked.items():
             variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, self.twins))]
+        measured = self._measured(itertools.chain.from_iterable(variants.values()))
+        about = {}
+        for name, tasks in variants.items():
+            about[name] = _examined(asked[name], [measured[task.content_hash] for task in tasks])
+        return about
+
+    def _measured(self, tasks: Iterable[Task]) -> dict[str, dict[str, Any]]:
+        """Return baselines by the content hash of a task."""
         if self.who.place is None:
-            return {name: [baselines(task, EPISODES, written()) for task in tasks] for name, tasks in variants.items()}
+            return {task.content_hash: baselines(task, EPISODES, written()) for task in tasks}
         jobs = {}
-        for tasks in variants.values():
-            for task in tasks:
-                key = key_of("baselines and constants", task.content_hash, EPISODES, written())
-                arguments = (task, EPISODES, written())
-                jobs[task.content_hash] = Job(key, task.instance_id, baselines, arguments, task.content_hash)
+        for task in tasks:
+            key = key_of("baselines and constants", task.content_hash, EPISODES, written())
+            arguments = (task, EPISODES, written())
+            jobs[task.content_hash] = Job(key, task.instance_id, baselines, arguments, task.content_hash)
         running = replace(self.running, seconds=None, retry=True)
         known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines", self.workers)
-        for job in jobs.values():
-            if known[job.key].status != "done":
-                raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
-        by_task = {}
-        for name, tasks in variants.items():
-            by_task[name] = [known[jobs[task.content_hash].key].value for task in tasks]
-        return by_task
+        measured = {}
+        for content_hash, job in jobs.items():
+            result = known[job.key]
+            if result.status != "done":
+                raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {result.message}")])
+            measured[content_hash] = result.value
+        return measured
 
 
 def _trained_here(planned: Planned, who: Examinee) -> list[Row]:
@@ -422,7 +442,9 @@ def _exam(
     who: Examinee, suite: str, plan: Sequence[Planned], rows: Sequence[list[Row]], tasks: dict[str, Examined]
 ) -> Exam:
     scores: list[Score] = []
+    seeds: dict[int, None] = {}
     for planned, block in zip(plan, rows, strict=True):
+        seeds |= dict.fromkeys(planned.trial.seeds)
         about = tasks[exam_id(planned.task)]
         for row in block:
             if planned.twin is None and not planned.trial.negated:
@@ -430,15 +452,16 @@ def _exam(
             if "cannot" not in row:
                 scores.append(_score(planned, row, about))
     terms = plan[0].trial.terms
-    seeds = list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost: dict[str, float] = {}
     for name in ("steps", "demonstrations", "comparisons", "seconds"):
         cost[name] = float(sum(s[name] or 0 for s in scores))
     where = machine()
+    command = ""
+    if Path(sys.argv[0]).name == "taskspec":
+        command = shlex.join(["taskspec", *sys.argv[1:]])
     exam = Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
-        transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
-        command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
+        transitions=terms.transitions, seeds=list(seeds), versions=where.pop("versions"), machine=where, command=command,
         tasks=tasks, scores=scores, verdicts={}, flags=[], diagnoses=[], cost=cost,
     )  # fmt: skip
     return cast(Exam, ShownExam(exam))
@@ -476,20 +499,28 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         return score(value, random, expert)
 
     unit = abs((expert or 0) - (random or 0)) or 1.0
+
+    def in_units(value: float | None) -> float | None:
+        if value is None:
+            return None
+        return value / unit
+
     curve = row.get("curve")
-    lost = row.get("reward_regret")
+    if curve is not None:
+        curve = [[steps, scaled(value)] for steps, value in curve]
+    twin = None
+    if planned.twin is not None:
+        twin = "+".join(planned.twin)
     return {
-        "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
-        "peek": "negated" if planned.trial.negated else None, "seed": row["seed"],
+        "task": exam_id(planned.task), "twin": twin, "peek": "negated" if planned.trial.negated else None,
+        "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
         "half": (_finite(row.get("deterministic_half")) or 0.0) / unit, "return": _finite(row.get("deterministic")),
         "error": row.get("error"), "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
-        "reward_regret": None if lost is None else lost / unit,
-        "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
+        "reward_regret": in_units(row.get("reward_regret")), "curve": curve,
         "operators": row.get("operators"), "told": row.get("told"), "unread": row.get("unread"),
         "rewards": row.get("rewards"), "pairings": row.get("pairings"),
-        "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
-        "explained": row.get("explained"),
+        "value": in_units(row.get("value")), "longer": row.get("longer"), "explained": row.get("explained"),
         "reseeded": row.get("reseeded"),
     }  # fmt: skip

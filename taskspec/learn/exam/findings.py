@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -50,11 +51,15 @@ class FindingResult:
 
     def sensitivity(self, results: str) -> dict[str, Outcome]:
         """Return the outcomes that differ with other actions or thresholds; none of a finding that was not run."""
-        others = {how: _outcome_of(truth) for how, truth in self.varied[results].items()}
         outcome = self.outcome(results)
+        differing: dict[str, Outcome] = {}
         if outcome == "not run":
-            return {}
-        return {how: other for how, other in others.items() if other not in (outcome, "not run")}
+            return differing
+        for how, truth in self.varied[results].items():
+            other = _outcome_of(truth)
+            if other not in (outcome, "not run"):
+                differing[how] = other
+        return differing
 
     def deciding(self, results: str) -> Comparison | None:
         """Return the closest of the comparisons that decide, or leave it open."""
@@ -65,10 +70,10 @@ class FindingResult:
 
     def record(self, results: str) -> dict[str, Any]:
         """Return outcome and evidence as JSON data."""
-        comparisons = [
-            {"text": each.text, "value": _finite(each.value), "low": _finite(each.low), "high": _finite(each.high)}
-            for each in self.truths[results].evidence
-        ]
+        comparisons = []
+        for each in self.truths[results].evidence:
+            numbers = {"value": _finite(each.value), "low": _finite(each.low), "high": _finite(each.high)}
+            comparisons.append({"text": each.text, **numbers})
         return {
             "outcome": self.outcome(results), "comparisons": comparisons, "of": self.comparisons[results],
             "sensitivity": self.sensitivity(results),
@@ -102,10 +107,11 @@ class FindingsResult:
     @property
     def data(self) -> list[dict[str, Any]]:
         """All of it as JSON data."""
-        return [
-            {"name": each.name, **each.entry.model_dump(), "outcomes": {name: each.record(name) for name in self.sets}}
-            for each in self.results
-        ]
+        data = []
+        for each in self.results:
+            outcomes = {name: each.record(name) for name in self.sets}
+            data.append({"name": each.name, **each.entry.model_dump(), "outcomes": outcomes})
+        return data
 
 
 def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> FindingsResult:
@@ -122,17 +128,22 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
     if path is None:
         raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' has no findings")])
     book = read_findings(path)
-    evaluators = {name: _evaluator(book, exams) for name, exams in sets.items()}
-    others = {name: _variations(book, exams, evaluators[name]) for name, exams in sets.items()}
+    evaluators = {}
+    others = {}
+    for name, exams in sets.items():
+        evaluators[name] = _evaluator(book, exams)
+        others[name] = _variations(book, exams, evaluators[name])
     results = []
     for rule in book.rules:
         assert isinstance(rule.entry, FindingEntry)
         truths = {}
         comparisons = {}
-        varied = {}
+        varied: dict[str, dict[str, Truth[Comparison]]] = {}
         for name in sets:
             truths[name], comparisons[name] = _decided(evaluators[name], rule.condition)
-            varied[name] = {how: _decided(other, rule.condition)[0] for how, other in others[name].items()}
+            varied[name] = {}
+            for how, other in others[name].items():
+                varied[name][how], _ = _decided(other, rule.condition)
         results.append(FindingResult(rule.name, rule.entry, truths, comparisons, varied))
     return FindingsResult(book, tuple(results), tuple(sets))
 
@@ -182,10 +193,10 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_act
     """
     described = book.described
     assert isinstance(described, FindingsDocument)
-    unknown = next((name for name in exams if name not in book.names.learners), None)
-    if unknown is not None:
-        hint = f"it is about {', '.join(book.names.learners)}"
-        raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{unknown}'", hint)])
+    for learner in exams:
+        if learner not in book.names.learners:
+            hint = f"it is about {', '.join(book.names.learners)}"
+            raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{learner}'", hint)])
     instances = {instance: name for name, instance in described.instances.items()}
     drawn = described.drawn != other_actions
     scores = SeedScores(exams, described.floor, drawn, book.same, instances)
@@ -235,7 +246,10 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     scores = SeedScores({ONE: exam}, same=book.same)
     truths = _truths(book, scores)
     holding = {name for name, truth in truths.items() if truth.holds}
-    alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
+    alone = set()
+    for rule in book.rules:
+        if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone:
+            alone.add(rule.name)
     if holding & alone:
         holding &= alone
     explained = [each.names for each in explanations(exam["scores"]) if each.kind == "values"]
@@ -244,10 +258,11 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         entry = rule.entry
         if not isinstance(entry, DiagnosisEntry) or rule.name not in holding:
             continue
-        is_contradicted = bool(entry.mistakes) and any(not set(names) & set(entry.mistakes) for names in explained)
+        mistakes = set(entry.mistakes)
+        is_contradicted = bool(mistakes) and any(mistakes.isdisjoint(names) for names in explained)
         if not holding & set(entry.unless) and not is_contradicted:
             evidence = truths[rule.name].evidence
-            tasks = dict.fromkeys(task for each in evidence for task in each.tasks)
+            tasks = dict.fromkeys(itertools.chain.from_iterable(each.tasks for each in evidence))
             diagnoses.append({
                 "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
                 "source": _cited(entry, book.references),
@@ -267,8 +282,11 @@ def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosi
         against: the earlier exam.
     """
     known = {each["name"] for each in diagnose(against, suite)}
-    new = [each for each in diagnose(exam, suite) if each["name"] not in known]
-    return [each for each in new if differs(exam, against, each["tasks"] or exam["tasks"])]
+    new = []
+    for each in diagnose(exam, suite):
+        if each["name"] not in known and differs(exam, against, each["tasks"] or exam["tasks"]):
+            new.append(each)
+    return new
 
 
 def diagnosis_flag(exam: Exam, diagnosis: Diagnosis) -> Flag:

@@ -65,9 +65,12 @@ def outcomes(findings: FindingsResult) -> Chart:
 def _described(findings: FindingsResult) -> str:
     parts = []
     for name in findings.sets:
-        counts = ", ".join(f"{count} {outcome}" for outcome, count in findings.counts(name).items() if count)
-        parts.append(f"{name}: {counts}")
+        parts.append(f"{name}: {', '.join(_counted(findings, name))}")
     return f"Outcomes of {len(findings.results)} findings by learners. {'; '.join(parts)}"
+
+
+def _counted(findings: FindingsResult, name: str) -> list[str]:
+    return [f"{count} {outcome}" for outcome, count in findings.counts(name).items() if count]
 
 
 STYLES: dict[Outcome, str] = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
@@ -140,22 +143,22 @@ def result(findings: FindingsResult) -> str:
     """Return the result in a paragraph: `Of 35 statements, 12 are confirmed with paper, ...`."""
     parts = []
     for name in findings.sets:
-        counts = [f"{count} {outcome}" for outcome, count in findings.counts(name).items() if count]
-        parts.append(f"with `{name}`, {listed(counts)}")
+        parts.append(f"with `{name}`, {listed(_counted(findings, name))}")
     return f"Of {len(findings.results)} statements: {'; '.join(parts)}. {RULE}"
 
 
 def html(shown: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return a page in HTML that stands alone, with conditions and their evidence, too."""
     described = shown.described
-    findings = [
-        {
+    findings = []
+    for each in shown.results:
+        findings.append({
             "name": each.name, "says": each.entry.says, "where": each.entry.where, "note": each.entry.note,
             "holds": " ".join(each.entry.holds.split()), "outcomes": [_outcome(each, name) for name in shown.sets],
-        }
-        for each in shown.results
-    ]  # fmt: skip
-    picture = Markup(chart.svg(outcomes(shown))) if chart.is_available() else ""
+        })  # fmt: skip
+    picture = ""
+    if chart.is_available():
+        picture = Markup(chart.svg(outcomes(shown)))
     return page_of(
         "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
         tallies={name: shown.counts(name) for name in shown.sets}, legend=f"{RULE} {EVIDENCE}", picture=picture,
@@ -182,20 +185,28 @@ def _in_words(each: FindingResult, sets: Sequence[str]) -> list[str]:
     says = f"{entry.says} *({entry.where})*"
     if entry.note:
         says += f" {entry.note}"
-    return [each.name, says, *(f"{SIGNS[each.outcome(name)]}{KEPT}{each.outcome(name)}" for name in sets)]
+    row = [each.name, says]
+    for outcome in map(each.outcome, sets):
+        row.append(f"{SIGNS[outcome]}{KEPT}{outcome}")
+    return row
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    lines = [list(header), ["---"] * len(header), *map(list, rows)]
-    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+    lines = []
+    for row in (header, ["---"] * len(header), *rows):
+        cells = [cell.replace("|", "\\|") for cell in row]
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
 
 
 def text(findings: FindingsResult) -> Columns:
     """Return findings with their outcomes, and how many there are of each, as a table on the terminal."""
     table = Columns("", "the paper says", *findings.sets, fold=(1,), styles=("name",), names=1)
     for each in findings.results:
-        words = [each.outcome(name) for name in findings.sets]
-        table.add_row(each.name, each.entry.says, *(VisibleText(word, style=STYLES[word]) for word in words))
+        words = []
+        for outcome in map(each.outcome, findings.sets):
+            words.append(VisibleText(outcome, style=STYLES[outcome]))
+        table.add_row(each.name, each.entry.says, *words)
     counts = [findings.counts(name) for name in findings.sets]
     for outcome, style in STYLES.items():
         numbers = [str(count[outcome]) for count in counts]
@@ -205,10 +216,11 @@ def text(findings: FindingsResult) -> Columns:
 
 def setups(exams: Sequence[Exam]) -> list[str]:
     """Return how results were obtained, in lines: one for each that differs."""
-    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
-    steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
+    seeds = sorted({len(exam["seeds"]) for exam in exams})
+    steps = sorted({exam["steps"] for exam in exams})
+    terms = f"{', '.join(map(str, seeds))} seeds and {', '.join(map('{:,}'.format, steps))} steps"
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
-    lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
+    lines = [f"{len(exams)} exams, of {terms} each; {spent} of training"]
     lines += _commands(exams)
     lines += [f"with {_listed(exam['versions'])}" for exam in exams]
     lines += [f"on {_listed(exam['machine'])}" for exam in exams]
