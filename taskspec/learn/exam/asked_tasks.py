@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -47,8 +48,13 @@ def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[T
     for suite in reversed(suites):
         known |= {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if wanted is None:
-        wanted = [name for suite in suites for name in names_in(suite)]
-    tasks = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
+        wanted = list(itertools.chain.from_iterable(map(names_in, suites)))
+    tasks = []
+    for task in wanted:
+        if isinstance(task, str):
+            tasks.append(registry.load(known.get(task, task)))
+        else:
+            tasks.append(registry.load(task))
     ids = [exam_id(task) for task in tasks]
     for i, name in enumerate(ids):
         if name in ids[:i]:
@@ -122,8 +128,11 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
         left = list(known)
     chosen = [left[0]]
     while len(chosen) < wanted:
-        others = [seed for seed in left if seed not in chosen]
-        chosen.append(max(others, key=lambda seed: min(int((known[seed] != known[c]).sum()) for c in chosen)))
+        differing = {}
+        for seed in left:
+            if seed not in chosen:
+                differing[seed] = min(np.count_nonzero(known[seed] != known[other]) for other in chosen)
+        chosen.append(max(differing, key=lambda seed: differing[seed]))
     return tuple(_modifiers(way, seed) for seed in chosen)
 
 

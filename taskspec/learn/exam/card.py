@@ -62,7 +62,8 @@ def flag_lines(flags: Iterable[Mapping[str, Any]]) -> list[FlagLine]:
     lines = []
     for (kind, _), group in groups.items():
         ordered = sorted(group, key=lambda flag: -abs(flag["effect"] or 0.0))
-        lines.append(FlagLine(kind, tuple(task_name(flag["task"]) for flag in ordered), flag_text(ordered[0])))
+        tasks = tuple(task_name(flag["task"]) for flag in ordered)
+        lines.append(FlagLine(kind, tasks, flag_text(ordered[0])))
     return lines
 
 
@@ -122,10 +123,17 @@ def card(exam: Mapping[str, Any]) -> Card:
         exam: the content of `exam.json`.
     """
     tasks = [replace(row, word=_word(exam, row)) for row in task_rows(exam)]
-    run = [row for row in tasks if row.grade is not None or row.printed.failed]
     flagged = {flag["task"] for flag in exam["flags"]}
-    rows = sorted((row for row in run if row.grade not in PASSING or row.id in flagged), key=lambda row: row.rank)
-    passed = [row for row in run if row not in rows]
+    rows = []
+    passed = []
+    for row in tasks:
+        if row.grade is None and not row.printed.failed:
+            continue
+        if row.grade not in PASSING or row.id in flagged:
+            rows.append(row)
+        else:
+            passed.append(row)
+    rows.sort(key=lambda row: row.rank)
     lead, advice = _lead(exam, rows, passed)
     is_wrong = bool(exam["diagnoses"]) or any(row.grade in ("fails", None) for row in rows)
     source = " and ".join(exam["learns_from"]) or "nothing"
@@ -168,7 +176,9 @@ def _as_run(exam: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             if own in run and other not in run:
                 names[other] = own
     for diagnosis in exam["diagnoses"]:
-        evidence = [re.sub(r"\w+", lambda word: names.get(word[0], word[0]), text) for text in diagnosis["evidence"]]
+        evidence = []
+        for text in diagnosis["evidence"]:
+            evidence.append(re.sub(r"\w+", lambda word: names.get(word[0], word[0]), text))
         yield {**diagnosis, "evidence": evidence}
 
 
@@ -193,9 +203,14 @@ def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
     return {
         "Cost": ", ".join(spent),
         "Command": exam["command"],
-        "Versions": ", ".join(f"{name} {version}" for name, version in exam["versions"].items()),
-        "Machine": ", ".join(f"{name} {value}" for name, value in exam["machine"].items()),
+        "Versions": listed_facts(exam["versions"]),
+        "Machine": listed_facts(exam["machine"]),
     }
+
+
+def listed_facts(facts: Mapping[str, Any]) -> str:
+    """Return facts in a line, each with its name: `python 3.12.3, numpy 2.1.0`."""
+    return ", ".join(f"{name} {value}" for name, value in facts.items())
 
 
 def _passed(rows: Sequence[TaskRow]) -> str:
@@ -298,13 +313,16 @@ def matrix(cards: Mapping[str, Card]) -> LearnerMatrix:
     Args:
         cards: by the name of the learner.
     """
-    tasks = {row.id: row.name for shown in cards.values() for row in shown.tasks}
+    unknown = {}
+    for shown in cards.values():
+        for row in shown.tasks:
+            unknown[row.id] = TaskRow(row.id, row.name)
     cells = []
     for shown in cards.values():
         known = {row.id: row for row in shown.tasks}
-        cells.append(tuple(known.get(task, TaskRow(task, name)) for task, name in tasks.items()))
+        cells.append(tuple((unknown | known).values()))
     names = tuple(_without_family(list(cards)))
-    return LearnerMatrix(names, tuple(tasks.values()), tuple(cells), cards)
+    return LearnerMatrix(names, tuple(row.name for row in unknown.values()), tuple(cells), cards)
 
 
 def _without_family(learners: Sequence[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -43,8 +44,11 @@ Ends = tuple[float, float]
 def score_ends(rows: Sequence[TaskRow]) -> Ends:
     """Return the ends of the axis that the strips of all tasks share: it shows random actions, the expert, and scores down to
     `FLOOR`."""
-    highest = [max(cell.scores) for row in rows for cell in row.forms.values() if cell.scores]
-    return FLOOR - 0.13, max([1.0, *highest]) + 0.06
+    highest = 1.0
+    for row in rows:
+        for cell in row.forms.values():
+            highest = max([highest, *cell.scores])
+    return FLOOR - 0.13, highest + 0.06
 
 
 def backdrop(axes: Any, ends: Ends) -> None:
@@ -171,13 +175,16 @@ def learning_curves(axes: Any, row: TaskRow) -> None:
 
 def last_step(row: TaskRow) -> float:
     """Return the last step that the learning curves of a task show."""
-    return max(1.0, *(x for curve in row.curves for x, _ in curve))
+    last = 1.0
+    for step, _ in itertools.chain.from_iterable(row.curves):
+        last = max(last, step)
+    return last
 
 
 def curves(row: TaskRow) -> Chart:
     """Draw the learning curves of a task with axes, for a page."""
     last = last_step(row)
-    lowest = min(y for curve in row.curves for _, y in curve)
+    lowest = min(score for _, score in itertools.chain.from_iterable(row.curves))
     ticks = {0.0: "0", 1.0: "1"}
     if lowest <= FLOOR:
         if lowest < FLOOR:

@@ -123,16 +123,22 @@ class _Picture:
         self.marked = known
         self.ends: Ends = score_ends(rows)
         self.has_curves = layout.has_curves and any(row.curves for row in rows)
-        self.words = self._wrapped(lines) if layout.has_words else []
-        self.name_above = self.line if layout.is_stacked else 0.0
+        self.words = []
+        if layout.has_words:
+            self.words = self._wrapped(lines)
+        self.name_above = 0.0
+        if layout.is_stacked:
+            self.name_above = self.line
         self.pitch = LANE + self.name_above
         self.top = MARGIN + self.line * len(self.words) + 2.2 * self.line
         self.bottom = self.top + self.pitch * max(1, len(rows))
-        self.height = (
-            self.bottom
-            + (0.15 if self.has_curves else 0.0)
-            + self.line * (2.3 if captions and not layout.has_words else 1.3)
-        )
+        ticks = 0.0
+        if self.has_curves:
+            ticks = 0.15
+        lines_below = 1.3
+        if captions and not layout.has_words:
+            lines_below = 2.3
+        self.height = self.bottom + ticks + self.line * lines_below
         self.figure = chart.figure(layout.width, self.height)
         self.page = self.figure.add_axes((0, 0, 1, 1))
         self.page.set_xlim(0, layout.width)

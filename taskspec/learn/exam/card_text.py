@@ -74,10 +74,10 @@ def card_text(shown: Card, width: int) -> Iterator[Printed]:
     for each in shown.diagnoses:
         yield ""
         yield VisibleText(nearest(each), style="warn")
-        facts = (("", "; ".join(each["evidence"])), *((head, each[head]) for head in ("cause", "try", "source")))
         table = Columns("", "", fold=(1,), styles=("quiet",), gap=1)
-        for head, words in facts:
-            table.add_row(f"  {head}", VisibleText(words, style="" if head else "quiet"))
+        table.add_row("  ", VisibleText("; ".join(each["evidence"]), style="quiet"))
+        for head in ("cause", "try", "source"):
+            table.add_row(f"  {head}", VisibleText(each[head]))
         yield table
     if shown.flags:
         yield ""
@@ -97,20 +97,21 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
     table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
     for law in dict.fromkeys(score["law"] for score in scores):
         own = [score for score in scores if score["law"] == law]
-        tried = [score for score in own if score["error"] is None]
         texts = []
-        for score in tried:
-            if score["broken"]:
+        errors = []
+        for score in own:
+            if score["error"] is not None:
+                errors.append(score["error"].splitlines()[0])
+            elif score["broken"]:
                 name = short_name(score["task"])
                 texts.append(f"{name} {score['printed']:.2f} → {score['changed']:.2f} (p = {score['p_value']:.2g})")
-        if len(tried) < len(own):
-            errors = [score["error"].splitlines()[0] for score in own if score["error"] is not None]
+        if errors:
             texts.append(f"not tried on {plural(len(errors), 'task')}: {errors[0]}")
         if texts:
             text = VisibleText("; ".join(texts), style="warn")
         else:
             text = VisibleText("no", style="quiet")
-        table.add_row(law, str(len(tried)), text)
+        table.add_row(law, str(len(own) - len(errors)), text)
     return table
 
 
@@ -119,23 +120,28 @@ def _strips(shown: Card, width: int) -> tuple[Columns, str]:
     forms = forms_of(shown.rows)
     heads = [form.replace(" ", "\n") for form in forms]
     names = max((len(row.name) for row in shown.rows), default=0)
-    taken = 5 + names + sum(2 + max(map(len, head.split())) for head in heads) + 7
+    taken = 5 + names + 7
+    for head in heads:
+        taken += 2 + max(map(len, head.split()))
     marks = min(max((width - taken) // 2 * 2 - 1, NARROWEST), WIDEST)
     half = marks // 2
     header = f"−1{'0':>{half - 1}}{'1':>{half}}"
     if half > len("random expert"):
         header = f"{'worse':<{half - 2}}random{'expert':>{half - 3}}"
     last = 3 + len(forms)
-    table = Columns(
-        "", "", header, *heads, "seeds\npass", right=range(3, last + 1), names=1,
-        spare=(last, *(3 + forms.index(form) for form in (SAMPLED, FIXED) if form in forms)),
-    )  # fmt: skip
+    spare = [last]
+    for form in (SAMPLED, FIXED):
+        if form in forms:
+            spare.append(3 + forms.index(form))
+    right = range(3, last + 1)
+    table = Columns("", "", header, *heads, "seeds\npass", right=right, names=1, spare=spare)
     drawn = ""
     for row in shown.rows:
         style = GRADES.get(row.grade or "fails", "bad")
         strip = _strip(row, marks, style)
         drawn += strip.plain
-        numbers = [VisibleText(row.forms[form].words, style=style if form == PUBLISHED else "") for form in forms]
+        styles = dict.fromkeys(forms, "") | {PUBLISHED: style}
+        numbers = [VisibleText(row.forms[form].words, style=styles[form]) for form in forms]
         table.add_row(VisibleText(row.sign, style=style), row.name, strip, *numbers, row.passed)
     return table, drawn
 

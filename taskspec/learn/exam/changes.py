@@ -63,19 +63,22 @@ def changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exa
     found: dict[tuple[str, bool], list[tuple[str, Difference]]] = defaultdict(list)
     for (task, which, name), d in compared(rows, columns, only_below).items():
         if d.is_real:
+            where = ""
             if which == "twin":
                 where = " on twins"
-            else:
-                where = ""
-            way = "below" if d.effect < 0 else "above"
+            way = "above"
+            if d.effect < 0:
+                way = "below"
             message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
             found[task, name == SCORE].append((message, d))
     flagged = []
     for (task, is_regression), changes in found.items():
-        message = "; ".join(message for message, _ in changes)
-        surest = min((d for _, d in changes), key=lambda d: d.p_value)
-        kind: Literal["regression", "changed"] = "regression" if is_regression else "changed"
-        flagged.append(difference_flag(kind, task, message, surest, len(columns)))
+        messages, differences = zip(*changes, strict=True)
+        surest = min(differences, key=lambda d: d.p_value)
+        kind: Literal["regression", "changed"] = "changed"
+        if is_regression:
+            kind = "regression"
+        flagged.append(difference_flag(kind, task, "; ".join(messages), surest, len(columns)))
     if not flagged:
         flagged += _farther(tasks, scores, against)
     return flagged
@@ -102,9 +105,9 @@ def _farther(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Ex
     if d.is_real and d.p_value <= ALARM / 2:
         gains = {}
         for task in common:
-            gains[task] = np.mean([each[task] for each in now.values()]) - np.mean(
-                [each[task] for each in before.values()]
-            )
+            mean_now = np.mean([each[task] for each in now.values()])
+            mean_before = np.mean([each[task] for each in before.values()])
+            gains[task] = mean_now - mean_before
         message = (
             f"the learned values are {-d.effect:.2f} farther from the right ones than those of the baseline, in the mean over "
             f"{len(common)} tasks"
@@ -134,7 +137,8 @@ def almost(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam
     is_score = [column for column in columns if column[2] == SCORE]
     if not is_score:
         return []
-    open_ones = {column: d for column, d in compared(rows, is_score, True).items() if not d.is_real}
+    differences = compared(rows, is_score, True)
+    open_ones = {column: d for column, d in differences.items() if not d.is_real}
     column = min(open_ones, key=lambda each: open_ones[each].effect, default=is_score[0])
     d = open_ones.get(column)
     if d is None or d.effect > -SEEN:
@@ -149,7 +153,8 @@ def almost(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam
 def _enough(column: Column, rows: Mapping[tuple[bool, Any], Mapping[Column, float]], among: int) -> int | None:
     """Return how many seeds of both exams would flag a difference of this size, if further seeds are like these."""
     known = {key: row for key, row in rows.items() if column in row}
-    fewest = min(sum(is_now == which for is_now, _ in known) for which in (True, False))
+    now = sum(is_now for is_now, _ in known)
+    fewest = min(now, len(known) - now)
     for copies in COPIES:
         repeated = {}
         for copy in range(copies):
@@ -170,7 +175,10 @@ def _numbers(
     columns = []
     rows: dict[tuple[bool, Any], dict[Column, float]] = defaultdict(dict)
     for task in _same_tasks(tasks, against):
-        own = {is_now: [s for s in both[is_now] if s["task"] == task and _place(s) in places] for is_now in both}
+        of_task = {place for place in places if place[0] == task}
+        own = {}
+        for is_now, of_exam in both.items():
+            own[is_now] = [score for score in of_exam if _place(score) in of_task]
         known_values: list[Any] = []  # numbers that say the same, such as both scores of deterministic policies
         for which, (name, number) in itertools.product(("printed", "twin"), COMPARED.items()):
             values = {is_now: by_seed(own[is_now], task, which, number) for is_now in both}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from taskspec.base.display import duration, listed, visible_json
 from taskspec.base.files import write_text
+from taskspec.learn.exam.card import listed_facts
 from taskspec.learn.exam.findings import SLACK, FindingResult, FindingsResult, Outcome
 from taskspec.learn.exam.results import Exam
 from taskspec.show.figures import chart
@@ -222,8 +223,8 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {terms} each; {spent} of training"]
     lines += _commands(exams)
-    lines += [f"with {_listed(exam['versions'])}" for exam in exams]
-    lines += [f"on {_listed(exam['machine'])}" for exam in exams]
+    lines += [f"with {listed_facts(exam['versions'])}" for exam in exams]
+    lines += [f"on {listed_facts(exam['machine'])}" for exam in exams]
     return list(dict.fromkeys(lines))
 
 
@@ -241,7 +242,3 @@ def _commands(exams: Sequence[Exam]) -> list[str]:
         else:
             lines.append(f"by `{command.replace('LEARNER', names[0])}`")
     return lines
-
-
-def _listed(facts: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {value}" for key, value in facts.items())

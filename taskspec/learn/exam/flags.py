@@ -33,8 +33,8 @@ def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam 
 
 def _failed(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
     for task in tasks:
-        of_task = [score for score in scores if score["task"] == task]
-        errors = [score["error"] for score in of_task if score["error"] is not None]
+        of_task = [score["error"] for score in scores if score["task"] == task]
+        errors = [error for error in of_task if error is not None]
         if errors:
             message = f"{len(errors)} of {len(of_task)} runs failed: {errors[0]}"
             yield Flag(kind="failed", task=task, message=message, effect=None, low=None, high=None)

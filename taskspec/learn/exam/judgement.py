@@ -8,6 +8,8 @@ name costs more than many that are missing.
 
 from __future__ import annotations
 
+import itertools
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -106,19 +108,22 @@ class _Pooled:
     @cached_property
     def medians(self) -> dict[str, dict[str, float]]:
         """Return distances by task, of the names that at least half of its runs have."""
-        found: dict[str, dict[str, float]] = {}
+        by_task: dict[str, dict[str, float]] = {}
         for task, runs in self.by_task.items():
-            found[task] = {}
-            for name in dict.fromkeys(name for run in runs for name in run.distances):
-                distances = [run.distances[name] for run in runs if name in run.distances]
+            by_name: dict[str, list[float]] = defaultdict(list)
+            for run in runs:
+                for name, distance in run.distances.items():
+                    by_name[name].append(distance)
+            by_task[task] = {}
+            for name, distances in by_name.items():
                 if 2 * len(distances) >= len(runs):
-                    found[task][name] = float(np.median(distances))
-        return found
+                    by_task[task][name] = float(np.median(distances))
+        return by_task
 
     @cached_property
     def wrong(self) -> list[str]:
         """Return the mistakes that differ from what is right on some task."""
-        names = dict.fromkeys(name for medians in self.medians.values() for name in medians)
+        names = dict.fromkeys(itertools.chain.from_iterable(self.medians.values()))
         return [name for name in names if name not in self.good]
 
     @cached_property
@@ -129,7 +134,8 @@ class _Pooled:
         def distance(name: str) -> float:
             return _mean(medians.get(name, medians[right]) for medians in self.medians.values())
 
-        return min((name for name in self.good if any(name in each for each in self.medians.values())), key=distance)
+        known = set(itertools.chain.from_iterable(self.medians.values()))
+        return min((name for name in self.good if name in known), key=distance)
 
     def of_good(self, task: str) -> float:
         medians = self.medians[task]
@@ -194,7 +200,10 @@ class _Pooled:
         operator = OPERATORS.get(name)
         total = 0
         for task in tasks:
-            told = [run.values.get(name, FEWEST) for run in self.by_task[task] if name in run.distances]
+            told = []
+            for run in self.by_task[task]:
+                if name in run.distances:
+                    told.append(run.values.get(name, FEWEST))
             if operator is not None and operator.varies:
                 total += sum(told)
             elif operator is not None:
@@ -208,7 +217,7 @@ class _Pooled:
         gains = []
         for run in self.runs:
             if run.task in tasks and name in run.distances:
-                of_good = min(run.distances[each] for each in self.good if each in run.distances)
+                of_good = min(run.distances[each] for each in run.distances.keys() & self.good)
                 gains.append(of_good - run.distances[name])
         return sign_flip_p_value(gains)
 

@@ -38,8 +38,10 @@ def of_several(learners: LearnerMatrix) -> Iterator[tuple[str, Chart]]:
     """Yield charts of several learners by the stems of their files: `table`, and strips `task-NAME` and `learner-NAME`."""
     yield "table", table(learners)
     for j, task in enumerate(learners.tasks):
-        column = [(name, row[j]) for name, row in zip(learners.learners, learners.cells, strict=True)]
-        named = [(name, row) for name, row in column if row.capability]
+        named = []
+        for name, row in zip(learners.learners, learners.cells, strict=True):
+            if row[j].capability:
+                named.append((name, row[j]))
         yield _stem(f"task-{task}"), strips(named, [(task, chart.INK, "bold")], f"Scores on {task}")
     for name, shown in learners.cards.items():
         yield _stem(f"learner-{name}"), picture(shown)
@@ -200,9 +202,14 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
     Raises:
         SpecError: E705 without pyarrow; E716, it cannot be written.
     """
-    rows = [{"learner": name, **score} for name, exam in exams.items() for score in exam["scores"]]
+    rows: list[dict[str, Any]] = []
+    for learner, exam in exams.items():
+        rows += [{"learner": learner, **score} for score in exam["scores"]]
+    columns = {}
+    for name in ("learner", *COLUMNS):
+        columns[name] = [row.get(name) for row in rows]
     with whole(path) as place:
-        write_table(place, {name: [row.get(name) for row in rows] for name in ("learner", *COLUMNS)})
+        write_table(place, columns)
     return path
 
 
@@ -225,7 +232,10 @@ def page(shown: Card) -> str:
     for row in (*shown.rows, *shown.others):
         if row.curves and chart.is_available():
             curves.append({"name": row.name, "picture": _embedded("curves", card_charts.curves, row)})
-    diagnoses = [{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses]
+    diagnoses = []
+    for each in shown.diagnoses:
+        marked_up = {key: _code(each[key]) for key in ("message", "cause", "try")}
+        diagnoses.append({**each, **marked_up})
     return page_of(
         "report.html", card=shown, lead=_code(shown.lead), advice=_code(shown.advice), forms=[*forms, "seeds pass"],
         rows=[_row(row, forms, ends) for row in shown.rows], axis=_embedded("strip axis", card_charts.strip_head, ends),
@@ -235,10 +245,9 @@ def page(shown: Card) -> str:
 
 
 def page_of_several(shown: LearnerMatrix) -> str:
-    rows = [
-        {"learner": name, "cells": cells, "lead": _code(own.lead), "advice": _code(own.advice)}
-        for name, cells, own in zip(shown.learners, shown.cells, shown.cards.values(), strict=True)
-    ]
+    rows = []
+    for name, cells, own in zip(shown.learners, shown.cells, shown.cards.values(), strict=True):
+        rows.append({"learner": name, "cells": cells, "lead": _code(own.lead), "advice": _code(own.advice)})
     title = f"{plural(len(shown.learners), 'learner')} on {plural(len(shown.tasks), 'task')}"
     return page_of("learners.html", title=title, tasks=map(_breakable, shown.tasks), rows=rows)
 
@@ -259,15 +268,16 @@ def _row(row: TaskRow, forms: Sequence[str], ends: card_charts.Ends) -> dict[str
     numbers = []
     for form in forms:
         cell = row.forms[form]
-        numbers.append(
-            {"form": form, "words": cell.words, "interval": interval(*cell.interval) if cell.interval else ""}
-        )
+        ends_of_mean = ""
+        if cell.interval:
+            ends_of_mean = interval(*cell.interval)
+        numbers.append({"form": form, "words": cell.words, "interval": ends_of_mean})
     numbers.append({"form": "seeds pass", "words": row.passed, "interval": ""})
     return {"task": row, "numbers": numbers, "picture": _embedded("strip", card_charts.strip, row, ends)}
 
 
 def _code(text: str) -> Markup:
     parts = text.split("`")
-    return Markup("").join(
-        Markup("<code>{}</code>").format(part) if i % 2 and i < len(parts) - 1 else part for i, part in enumerate(parts)
-    )
+    for i in range(1, len(parts) - 1, 2):
+        parts[i] = Markup("<code>{}</code>").format(parts[i])
+    return Markup("").join(parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -58,7 +59,14 @@ class SeedCell:
             return fixed(self.mean, 2)
         if self.failed:
             return "failed"
-        return "cannot" if self.cannot else ""
+        if self.cannot:
+            return "cannot"
+        return ""
+
+    @property
+    def passing(self) -> int:
+        """The number of seeds that pass."""
+        return sum(score >= MASTERED for score in self.scores)
 
 
 @dataclass(frozen=True)
@@ -92,10 +100,14 @@ class TaskRow:
     @property
     def grade(self) -> Grade | None:
         """The grade of a task, as published and relabelled; None if it was not run."""
-        known = [self.forms[form] for form in (PUBLISHED, RELABELLED) if self.forms[form].scores]
-        if not known:
+        if not self._known:
             return None
-        return worst([mean_score(cell.scores, self.fixed) for cell in known])["verdict"]
+        return worst([mean_score(cell.scores, self.fixed) for cell in self._known])["verdict"]
+
+    @property
+    def _known(self) -> list[SeedCell]:
+        """The scores as published and relabelled, where it has some."""
+        return [cell for cell in (self.printed, self.forms[RELABELLED]) if cell.scores]
 
     @property
     def sign(self) -> str:
@@ -109,9 +121,8 @@ class TaskRow:
         """The number of seeds that pass, of all, as published or relabelled, where fewer do: `13/15`."""
         if not self.printed.scores:
             return ""
-        cells = [self.forms[form].scores for form in (PUBLISHED, RELABELLED) if self.forms[form].scores]
-        fewest = min(cells, key=lambda scores: sum(score >= MASTERED for score in scores) / len(scores))
-        return f"{sum(score >= MASTERED for score in fewest)}/{len(fewest)}"
+        fewest = min(self._known, key=lambda cell: cell.passing / len(cell.scores))
+        return f"{fewest.passing}/{len(fewest.scores)}"
 
     @property
     def means(self) -> dict[str, float]:
@@ -134,7 +145,10 @@ class TaskRow:
 
 def forms_of(rows: Sequence[TaskRow]) -> list[str]:
     """Return the forms that some row has scores of; without the sampled policy where that scores the same everywhere."""
-    forms = [form for form in FORMS if any(row.forms[form].words for row in rows)]
+    forms = []
+    for form in FORMS:
+        if any(row.forms[form].words for row in rows):
+            forms.append(form)
     if SAMPLED in forms and all(row.forms[SAMPLED].words in ("", row.printed.words) for row in rows):
         forms.remove(SAMPLED)
     return forms
@@ -144,7 +158,8 @@ def task_name(task: str) -> str:
     """Return the name of a task in a report: `NoisyObs`, or `NoisyObs, L=50` for one of several instances."""
     about = ids.parse(task)
     name = about.name.partition("/")[2].rpartition("-v")[0] or about.name
-    return ", ".join([name, *(f"{key}={value}" for key, value in about.parameters.items()), *about.modifiers])
+    values = [f"{key}={value}" for key, value in about.parameters.items()]
+    return ", ".join([name, *values, *about.modifiers])
 
 
 def task_rows(exam: Mapping[str, Any]) -> list[TaskRow]:
@@ -152,14 +167,20 @@ def task_rows(exam: Mapping[str, Any]) -> list[TaskRow]:
 
 
 def _task_row(exam: Mapping[str, Any], task: str, about: Mapping[str, Any]) -> TaskRow:
-    records = [record for record in exam["scores"] if record["task"] == task]
-    published = [record for record in records if side(record) == "printed"]
-    twins = _cell([record for record in records if side(record) == "twin"], "deterministic")
+    by_side: dict[str | None, list[Mapping[str, Any]]] = defaultdict(list)
+    for record in exam["scores"]:
+        if record["task"] == task:
+            by_side[side(record)].append(record)
+    published = by_side["printed"]
+    twins = _cell(by_side["twin"], "deterministic")
     curves = []
     for record in published:
-        points = tuple((float(x), float(y)) for x, y in record["curve"] or () if y is not None)
+        points = []
+        for x, y in record["curve"] or ():
+            if y is not None:
+                points.append((float(x), float(y)))
         if points:
-            curves.append(points)
+            curves.append(tuple(points))
     printed = _cell(published, "deterministic")
     if about.get("cannot"):
         printed = SeedCell(cannot=True)
@@ -176,8 +197,14 @@ def _task_row(exam: Mapping[str, Any], task: str, about: Mapping[str, Any]) -> T
 
 
 def _cell(records: Sequence[Mapping[str, Any]], entry: str) -> SeedCell:
-    failed = {record["seed"] for record in records if record.get("error") is not None}
-    by_seed = seed_means([r for r in records if r.get("error") is None], lambda record: record.get(entry))
+    failed = set()
+    complete = []
+    for record in records:
+        if record.get("error") is None:
+            complete.append(record)
+        else:
+            failed.add(record["seed"])
+    by_seed = seed_means(complete, lambda record: record.get(entry))
     return SeedCell(tuple(by_seed.values()), len(failed - by_seed.keys()))
 
 
