@@ -54,8 +54,4 @@ def part_at(value: Any, index: Any) -> Any:
 
 def end_to_end(values: Sequence[Any]) -> Any:
     """Return arrays, or dicts of arrays, one after the other."""
-    return map_parts(_concatenated, *values)
-
-
-def _concatenated(*parts: Any) -> Any:
-    return np.concatenate(parts)
+    return map_parts(lambda *parts: np.concatenate(parts), *values)

@@ -154,7 +154,11 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         mask = reset_option(options, "reset_mask")
         lanes = None
         if mask is not None:
-            lanes = self._lanes(mask)
+            if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+                raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
+            if not self._seeded and not mask.all():
+                raise NotRunningError("E707: the first reset() is one of all lanes, without a mask")
+            lanes = np.flatnonzero(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
         return self._observation(), self._legal()
@@ -258,13 +262,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         if b.ended.any():
             infos["final_info"] = masked(values, b.ended)
         return infos
-
-    def _lanes(self, mask: Any) -> Array:
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
-            raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
-        if not self._seeded and not mask.all():
-            raise NotRunningError("E707: the first reset() is one of all lanes, without a mask")
-        return np.flatnonzero(mask)
 
     def _seed_streams(self, seed: int | Sequence[int | None] | None, lanes: Array | None) -> None:
         if not self._seeded:

@@ -114,14 +114,11 @@ def frame(
     if note is not None:
         import textwrap
 
-        lines = textwrap.wrap(_set(note), LETTERS, max_lines=LINES, placeholder="…")
+        note = re.sub(r"(?<![\w-])-(?=[\d.]|inf)|(?<=\de)-(?=\d)", "−", note)
+        note = re.sub(r"(?<=\w) (?==)|(?<=[\w=]) (?=[−\d]|inf)|(?<==) ", "\u00a0", note)
+        lines = textwrap.wrap(note, LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
     return importlib.import_module(FRAME).render_frame(task, state, title, seen=seen or {time: state})
-
-
-def _set(note: str) -> str:
-    note = re.sub(r"(?<![\w-])-(?=[\d.]|inf)|(?<=\de)-(?=\d)", "−", note)
-    return re.sub(r"(?<=\w) (?==)|(?<=[\w=]) (?=[−\d]|inf)|(?<==) ", "\u00a0", note)
 
 
 class Window:

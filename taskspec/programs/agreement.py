@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -303,7 +303,8 @@ class ScalarLanes:
     def __init__(self, task: Task) -> None:
         self._task = task
         self._program = compile_scalar(task)
-        self._lanes = [self._program.start(SEED + i, Clock(), _refused, _ended) for i in range(LANES)]
+        ended = partial(ValueError, "the episode is over")
+        self._lanes = [self._program.start(SEED + i, Clock(), _refused, ended) for i in range(LANES)]
 
     def reset(self) -> list[Seen]:
         first = []
@@ -347,10 +348,6 @@ class ScalarLanes:
 
 def _refused(action: Any) -> Exception:
     return ValueError(f"the action {action!r} is refused")
-
-
-def _ended() -> Exception:
-    return ValueError("the episode is over")
 
 
 class VectorLanes:

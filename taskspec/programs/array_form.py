@@ -111,15 +111,6 @@ class ArrayForm:
         """Write the statements for the roots, and the source of each root."""
         roots = tuple(roots)
         order = list(walk(roots))
-        self._find_last_uses(order, roots)
-        for self._place, node in enumerate(order):
-            self._values[id(node)] = self._node(node)
-            for owner in dict.fromkeys(map(self.owner, children(node))):
-                if self._last.get(owner) == self._place and owner in self._buffers and self.scratch is not None:
-                    self.scratch.give(self._buffers.pop(owner))
-        return self._lines, [self._values[id(root)] for root in roots]
-
-    def _find_last_uses(self, order: Sequence[Node], roots: Sequence[Node]) -> None:
         for place, node in enumerate(order):
             for child in children(node):
                 owner = self.owner(child)
@@ -128,6 +119,12 @@ class ArrayForm:
                     self._owner[id(node)] = owner
         for root in roots:
             self._last[self.owner(root)] = len(order)
+        for self._place, node in enumerate(order):
+            self._values[id(node)] = self._node(node)
+            for owner in dict.fromkeys(map(self.owner, children(node))):
+                if self._last.get(owner) == self._place and owner in self._buffers and self.scratch is not None:
+                    self.scratch.give(self._buffers.pop(owner))
+        return self._lines, [self._values[id(root)] for root in roots]
 
     def owner(self, node: Node) -> int:
         """Id of the node whose array holds the value of a node."""
@@ -145,8 +142,10 @@ class ArrayForm:
 
     def _node(self, node: Node) -> str:
         match node:
+            case Const() if node.type.is_scalar:
+                return literal(plain(node.value))
             case Const():
-                return self._const(node)
+                return self._held(node)
             case Read(role=role, name=name):
                 return self.names[role, name]
             case Draw():
@@ -155,11 +154,6 @@ class ArrayForm:
                 return self._function(node, OPERATORS[op])
             case Apply():
                 return self._structure(node)
-
-    def _const(self, node: Const) -> str:
-        if node.type.is_scalar:
-            return literal(plain(node.value))
-        return self._held(node)
 
     def _held(self, node: Const) -> str:
         for known, value in self.constants.items():
@@ -238,7 +232,13 @@ class ArrayForm:
             case "fill":
                 return self._assign(f"rt.fill({args[0]}, {static!r})")
             case "index" if _is_look_up(node):
-                return self._look_up(node, args[1])
+                table = self.constant(_LookupTable(node.args[0]))
+                axis = len(node.args[0].type.shape) - 1
+                if self.scratch is None:
+                    return self._assign(f"rt.look_up({table}, {args[1]}, {axis})")
+                out = self._buffer(node, in_place=False)
+                self._lines.append(f'{table}.take({args[1]}, {axis}, {out}, "clip")')
+                return out
             case op:
                 name = {"vector": "stack"}.get(op, op)
                 return self._assign(f"rt.{name}({', '.join(map(self._array, node.args))})")
@@ -248,15 +248,6 @@ class ArrayForm:
         if isinstance(node, Const) and node.type.is_scalar:
             return self._held(node)
         return self._values[id(node)]
-
-    def _look_up(self, node: Apply, place: str) -> str:
-        table = self.constant(_LookupTable(node.args[0]))
-        axis = len(node.args[0].type.shape) - 1
-        if self.scratch is None:
-            return self._assign(f"rt.look_up({table}, {place}, {axis})")
-        out = self._buffer(node, in_place=False)
-        self._lines.append(f'{table}.take({place}, {axis}, {out}, "clip")')
-        return out
 
 
 def _is_look_up(node: Apply) -> bool:

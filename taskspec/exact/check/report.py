@@ -233,7 +233,9 @@ def check(  # noqa: C901
     if ranges and task.parameters:
         others = check_ranges(task, beside=run.problems)
         problems += others.diagnostics
-    symmetries = _symmetries(task)
+    symmetries = []
+    if is_as_written(task):
+        symmetries = [verify_symmetry(task, symmetry) for symmetry in task.annotations.symmetries]
     for each in symmetries:
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
@@ -275,13 +277,7 @@ def check(  # noqa: C901
         programs=run.settings,
         left_out=run.left_out,
     )
-    return Report(task, in_order(left), sound.method, results, decided, symmetries, tuple(accepted), coverage)
-
-
-def _symmetries(task: Task) -> tuple[SymmetryCheck, ...]:
-    if not is_as_written(task):
-        return ()
-    return tuple(verify_symmetry(task, symmetry) for symmetry in task.annotations.symmetries)
+    return Report(task, in_order(left), sound.method, results, decided, tuple(symmetries), tuple(accepted), coverage)
 
 
 def _warnings(task: Task, results: Results) -> _Sanity:

@@ -446,7 +446,11 @@ def _assembled(parts: list[Rows], states: int) -> Step:
     entries = [(weights, columns, indptr)]
     if parts[0].ends is not None:
         ends = np.concatenate([part.ends for part in parts if part.ends is not None])
-        entries = [_only(flags, weights, columns, indptr) for flags in (~ends, ends)]
+        entries = []
+        for chosen in (~ends, ends):
+            before = np.zeros(len(chosen) + 1, indptr.dtype)
+            np.cumsum(chosen, out=before[1:])
+            entries.append((weights[chosen], columns[chosen], before[indptr]))
     matrices = []
     for entry in entries:
         matrix = sparse.csr_array(entry, shape=(len(counts), states))
@@ -465,13 +469,6 @@ def _assembled(parts: list[Rows], states: int) -> Step:
     if len(matrices) > 1:
         P_end = matrices[1]
     return Step(matrices[0], P_end, reward, rounding, escaping)
-
-
-def _only(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
-    """Return the entries that are marked: weights, columns, and where each row begins."""
-    before = np.zeros(len(flags) + 1, indptr.dtype)
-    np.cumsum(flags, out=before[1:])
-    return weights[flags], columns[flags], before[indptr]
 
 
 # -- the model of a finite decision process that is given by its outcomes ---------------------------------------------

@@ -45,7 +45,12 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
     if is_table(policy):
         return table_value(results, np.asarray(policy))
     if isinstance(policy, Expert) and not deterministic:
-        return _expert_value(results, policy)
+        if policy.given is not None:
+            results = policy.results
+        value = results.expert
+        if value is None:
+            refuse(f"the expert of {policy.task.name} has no return: {results.why_not}")
+        return PolicyValue(value, "probabilities" if value.exact else "samples")
     if isinstance(policy, TaskPolicy):
         return value_of(results, policy)
     if hasattr(policy, "predict"):
@@ -78,15 +83,6 @@ def value_of(results: Results, policy: TaskPolicy) -> PolicyValue:
         return policy.choose(EpisodeBatch.sharing(t, states, None, rng))
 
     return PolicyValue(results.simulated(choose), "samples")
-
-
-def _expert_value(results: Results, expert: Expert) -> PolicyValue:
-    if expert.given is not None:
-        results = expert.results
-    value = results.expert
-    if value is None:
-        refuse(f"the expert of {expert.task.name} has no return: {results.why_not}")
-    return PolicyValue(value, "probabilities" if value.exact else "samples")
 
 
 # -- tables over the states of an exact model -------------------------------------------------------------------------

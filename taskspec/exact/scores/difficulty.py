@@ -106,10 +106,14 @@ def hidden_bits(model: Model) -> float:
     is_timed = reads_time(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
+    plan = uniform_plan(model)
     if is_timed:
-        visits = list(visits_by_time(model, uniform_plan(model), model.horizon or 0))
+        visits = list(visits_by_time(model, plan, model.horizon or 0))
+    elif model.horizon is not None:
+        visits = [occupancy(undiscounted(model), plan)]
     else:
-        visits = [_visits(model)]
+        mean_length(model, plan)  # refuses where episodes may never end
+        visits = [chain_values(followed(model.step(0).P, plan(0)).T.tocsr(), model.start, model.acting)]
     outcomes = outcome_count(nodes)
     if outcomes == np.inf:
         refuse("the noise on what is seen of a state has infinitely many outcomes")
@@ -133,14 +137,6 @@ def _observed(model: Model, nodes: Sequence[Expression], t: int, visits: Array) 
     for values, which, weight in joint_outcomes(nodes, given, len(states)):
         rows = [np.zeros((1, len(which))), *(value.reshape(-1, len(which)) for value in values)]
         yield states[which], np.concatenate(rows).astype(np.float64).T, visits[states[which]] * weight
-
-
-def _visits(model: Model) -> Array:
-    plan = uniform_plan(model)
-    if model.horizon is not None:
-        return occupancy(undiscounted(model), plan)
-    mean_length(model, plan)  # refuses where episodes may never end
-    return chain_values(followed(model.step(0).P, plan(0)).T.tocsr(), model.start, model.acting)
 
 
 @dataclass(frozen=True)

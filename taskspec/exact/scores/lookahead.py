@@ -270,7 +270,9 @@ class Gorp:
             refuse("the sums of returns have too many different values", how_to_raise("seconds", 10 * limits().seconds))
         at_most = np.ones((self.model.n_actions, size))
         for (first, s, paid), number in groups.items():
-            sums = _power(self.random[min(t + k, self.horizon)][s], m)
+            row = self.random[min(t + k, self.horizon)][s]
+            length = m * (len(row) - 1) + 1
+            sums = np.maximum(np.fft.irfft(np.fft.rfft(row, length) ** m, length), 0.0)
             at_most[first] *= np.minimum(1.0, np.cumsum(_shifted(sums, m * paid))) ** number
         below = np.concatenate([np.zeros((len(at_most), 1)), at_most[:, :-1]], axis=1)
         exactly = at_most - below
@@ -344,8 +346,3 @@ def _shifted(rows: Array, by: int) -> Array:
     else:
         shifted[..., :by] = rows[..., -by:]
     return shifted
-
-
-def _power(row: Array, m: int) -> Array:
-    size = m * (len(row) - 1) + 1
-    return np.maximum(np.fft.irfft(np.fft.rfft(row, size) ** m, size), 0.0)

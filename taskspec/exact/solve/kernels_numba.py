@@ -74,7 +74,10 @@ def extreme_values(numbers: Bounded, largest: bool, at_start: bool = False) -> B
             rows = (P.indptr, P.indices, P.data)
             sweep = partial(_sweep, rows, outcomes, step.R, active, value, spare, after, (model.discount, sign))
             is_large = np.count_nonzero(active) * (P.nnz / count) > SHARED
-            _share(pool, sweep, blocks, 4 * threads if is_large else 1)
+            first, *rest = np.array_split(blocks, 4 * threads if is_large else 1)
+            others = pool.map(sweep, rest)
+            sweep(first)  # in this thread
+            list(others)
             changed = after
             bound = numbers.with_errors(step, spare, bound)
             spare = value
@@ -105,14 +108,6 @@ def largest_fixed_point(
             break
         before = gap
     return value[:-1]
-
-
-def _share(pool: ThreadPoolExecutor, sweep: Callable[[Array], None], blocks: Array, parts: int) -> None:
-    """Sweep blocks in so many parts, the first of them in this thread."""
-    first, *rest = np.array_split(blocks, parts)
-    others = pool.map(sweep, rest)
-    sweep(first)
-    list(others)
 
 
 def _outcomes(indptr: Array) -> tuple[int, ...]:

@@ -173,13 +173,18 @@ class PhaseBuilder:
         left = tuple(c for c in checks if not c.is_proved(known))
         roots = roots_of(left)
         nodes = lumped(roots, Builder.of(roots))
-        merged = _with_roots(left, nodes)
+        merged: list[Check] = []
+        first = 0
+        for check in left:
+            last = first + len(check.guards)
+            merged.append(replace(check, guards=tuple(nodes[first:last]), node=nodes[last]))
+            first = last + 1
         outcomes = outcome_count(nodes)
         read = reads(nodes)
         if name == "start":
             is_exact = outcomes <= self.limit and not read
             if is_exact:
-                left = merged
+                left = tuple(merged)
             return CheckPhase(task, name, left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
             actions = None
@@ -190,7 +195,7 @@ class PhaseBuilder:
                 times = self._times(name)
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
-                return CheckPhase(task, name, merged, grid, True)
+                return CheckPhase(task, name, tuple(merged), grid, True)
         left = tuple(c for c in left if not c.is_proved(over([c.node], self.reached)))
         if not left:
             return CheckPhase(task, name, (), Samples({}, {}), True)
@@ -238,16 +243,6 @@ def roots_of(checks: Sequence[Check]) -> tuple[Node, ...]:
     for check in checks:
         roots += [*check.guards, check.node]
     return tuple(roots)
-
-
-def _with_roots(checks: Sequence[Check], roots: Sequence[Node]) -> tuple[Check, ...]:
-    changed = []
-    first = 0
-    for check in checks:
-        last = first + len(check.guards)
-        changed.append(replace(check, guards=tuple(roots[first:last]), node=roots[last]))
-        first = last + 1
-    return tuple(changed)
 
 
 def _values(

@@ -251,12 +251,15 @@ def check_ranges(task: TaskLike, beside: Callable[[Task], Sequence[Diagnostic]] 
         note = parameters(values)
         try:
             with also(f"expressions={left}"):
-                other = modify(
-                    build(task.source.document, task.source.variant, values, task.source.suite), *task.modifiers
-                )
+                unmodified = build(task.source.document, task.source.variant, values, task.source.suite)
+                other = modify(unmodified, *task.modifiers)
         except TooManyExpressions:
             untried = len(others) - number
-            further.append(_too_many(task, len(others), untried))
+            most = limits().expressions
+            together = f"all together have more than {most // SHARE:,} expressions"
+            message = f"{number} of {len(others)} other settings are checked: {together}"
+            place = merge(task.source.document, task.source.variant).key_span(("parameters",))
+            further.append(Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most)))
             break
         except SpecError as error:
             wrong += [_noted(d, note) for d in error.diagnostics if d.code not in FORBIDDEN]
@@ -268,14 +271,6 @@ def check_ranges(task: TaskLike, beside: Callable[[Task], Sequence[Diagnostic]] 
         if beside is not None and all(d.severity != "error" for d in diagnostics):
             further += [_noted(d, note) for d in beside(other)]
     return Ranges((*_new(wrong, task), *further), tuple(tried), untried)
-
-
-def _too_many(task: Task, settings: int, untried: int) -> Diagnostic:
-    most = limits().expressions
-    together = f"all together have more than {most // SHARE:,} expressions"
-    message = f"{settings - untried} of {settings} other settings are checked: {together}"
-    place = merge(task.source.document, task.source.variant).key_span(("parameters",))
-    return Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most))
 
 
 def _noted(diagnostic: Diagnostic, note: str) -> Diagnostic:

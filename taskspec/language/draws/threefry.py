@@ -248,7 +248,11 @@ def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: 
     right = np.right_shift
     xor = np.bitwise_xor
     merge = np.bitwise_or
-    x0, x1, shifted = _buffers(shape)
+    store: Any = getattr(_scratch, "arrays", None)
+    if store is None:
+        store = _scratch.arrays = np.empty((3, CHUNK), np.uint32)
+    size = shape[0] * shape[1]
+    x0, x1, shifted = (array[:size].reshape(shape) for array in store)
     add(c0, keys[0][0], x0)
     add(c1, keys[0][1], x1)
     for i in range(5):
@@ -264,15 +268,6 @@ def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: 
             add(x0, keys[i + 1][0], x0)
             add(x1, keys[i + 1][1], x1)
     return x0, x1
-
-
-def _buffers(shape: tuple[int, ...]) -> list[Words]:
-    """Three scratch arrays of this thread, at most CHUNK elements each."""
-    store: Any = getattr(_scratch, "arrays", None)
-    if store is None:
-        store = _scratch.arrays = np.empty((3, CHUNK), np.uint32)
-    size = shape[0] * shape[1]
-    return [array[:size].reshape(shape) for array in store]
 
 
 def _chunks(height: int, width: int) -> Iterator[tuple[slice, slice]]:

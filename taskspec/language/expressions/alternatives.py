@@ -524,7 +524,12 @@ class _Table:
             if are_constant(cells):
                 kind = max(c.type.kind for c in cells)
                 rows = b.structure("vector", [b.cast(cells[n], kind) for n in self.grid])
-                return b.structure("index", [rows, self._number()])
+                row: Node = b.scalar(0)
+                for column in self.columns:
+                    assert column.values is not None
+                    digit = b.apply("sub", b.cast(column.node, Kind.INT), b.scalar(column.values.start))
+                    row = b.apply("add", b.apply("mul", row, b.scalar(len(column.values))), digit)
+                return b.structure("index", [rows, row])
         result = cells[self.order[-1]]
         for number in reversed(self.order[:-1]):
             condition: Node = b.scalar(True)
@@ -534,15 +539,6 @@ class _Table:
                     condition = b.apply("and", condition, here)
             result = b.apply("where", condition, cells[number], result)
         return result
-
-    def _number(self) -> Node:
-        b = self.builder
-        number: Node = b.scalar(0)
-        for column in self.columns:
-            assert column.values is not None
-            digit = b.apply("sub", b.cast(column.node, Kind.INT), b.scalar(column.values.start))
-            number = b.apply("add", b.apply("mul", number, b.scalar(len(column.values))), digit)
-        return number
 
 
 def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:

@@ -52,11 +52,17 @@ class ModifierArgument:
         """
         match self.kind:
             case "bool":
-                return self._bool(value)
+                truth = {"true": True, "false": False}.get(str(value).lower())
+                if truth is None:
+                    raise ValueError(self.range)
+                return truth
             case "int" | "real":
                 return self._number(value)
-            case _:
-                return self._text(value)
+        if self.kind == "expression" and isinstance(value, int | float):
+            value = str(value).lower()
+        if not isinstance(value, str) or not value.strip() or (self.words and value not in self.words):
+            raise ValueError(self.range)
+        return value.strip()
 
     @property
     def range(self) -> str:
@@ -79,12 +85,6 @@ class ModifierArgument:
             return f"{words}, at least {decimal(self.low)}"
         return f"{words} from {decimal(self.low)} to {decimal(self.high)}"
 
-    def _bool(self, value: Any) -> bool:
-        truth = {"true": True, "false": False}.get(str(value).lower())
-        if truth is None:
-            raise ValueError(self.range)
-        return truth
-
     def _number(self, value: Any) -> int | float:
         try:
             if isinstance(value, str):
@@ -99,13 +99,6 @@ class ModifierArgument:
         if is_whole and abs(number) < 2**53:
             return int(number)
         return float(number)
-
-    def _text(self, value: Any) -> str:
-        if self.kind == "expression" and isinstance(value, int | float):
-            value = str(value).lower()
-        if not isinstance(value, str) or not value.strip() or (self.words and value not in self.words):
-            raise ValueError(self.range)
-        return value.strip()
 
 
 STD = ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5)

@@ -154,21 +154,16 @@ def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
         amounts = b.structure("index", [table, queue])
         entry = few.number
         nothing = b.const([few.values.index(0.0)] * steps, c.type)
-    added = core.AddedState(c, nothing, _moved_up(b, queue, entry))
+    moved_up = b.structure("vector", [entry])
+    if steps > 1:
+        moved_up = b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), moved_up])
+    added = core.AddedState(c, nothing, moved_up)
     everything = b.apply("add", b.apply("sum", amounts), task.process.reward)
     paid = b.apply("where", core.last(b, task), everything, b.structure("element", [amounts], (0,)))
     return core.with_state(core.paying(b, task, paid), [added])
 
 
 _QUEUE = "rewards not paid yet, the oldest first"
-
-
-def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
-    steps = queue.type.size
-    tail = b.structure("vector", [entry])
-    if steps == 1:
-        return tail
-    return b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
 
 
 # -- at the end ---------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import pathlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
 from typing import Any, Literal, TypeAlias, cast
@@ -136,9 +136,13 @@ def _read_text(text: str, name: str) -> Document:
     text = text.removeprefix("\ufeff")  # a byte-order mark: editors do not count it either
     origin = Origin(name, text)
     lines = _line_starts(text)
-    early = list(_before_reading(text))
-    if early:
-        root, findings = (None, early)
+    root = None
+    if len(text) > limits().file:
+        message = f"the file is larger than {limits().file:,} bytes"
+        findings = [TextProblem("E114", 0, 0, message, how_to_raise("file", len(text)))]
+    elif character := _NOT_TEXT.search(text):
+        message = f"the character U+{ord(character.group()):04X} is not allowed in a spec"
+        findings = [TextProblem("E113", character.start(), character.end(), message, "remove it")]
     else:
         root, findings = _compose(text)
     collector = Collector()
@@ -164,17 +168,6 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
         if not any(each.covers(stop) for each in findings):
             findings.append(stop)
     return composed.root, findings
-
-
-def _before_reading(text: str) -> Iterable[TextProblem]:
-    if len(text) > limits().file:
-        yield TextProblem(
-            "E114", 0, 0, f"the file is larger than {limits().file:,} bytes", how_to_raise("file", len(text))
-        )
-    elif character := _NOT_TEXT.search(text):
-        code_point = f"U+{ord(character.group()):04X}"
-        message = f"the character {code_point} is not allowed in a spec"
-        yield TextProblem("E113", character.start(), character.end(), message, "remove it")
 
 
 def _decode(content: bytes, name: str) -> str:
@@ -242,12 +235,9 @@ def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
             stops.append(stop)  # of colons, one in a line: the advice is the same
         if stop.code not in _IN_QUOTES | _TOO_MUCH or len(stops) > 50:
             break
-        covered = _cover(covered, stop)
+        letter = "x"
+        if stop.code in _TOO_MUCH or covered.startswith(FENCE, stop.start):
+            letter = " "
+        cover = re.sub(r"\S", letter, covered[stop.start : stop.end])
+        covered = covered[: stop.start] + cover + covered[stop.end :]
     return composed, stops
-
-
-def _cover(text: str, stop: TextProblem) -> str:
-    letter = "x"
-    if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start):
-        letter = " "
-    return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

@@ -212,9 +212,19 @@ class _Builder:
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 self._refuse_properties(event)
                 kind = nodes.MappingNode if isinstance(event, yaml.MappingStartEvent) else nodes.SequenceNode
-                self._begin(kind(start.index, bool(event.flow_style)))
+                if len(self.open) >= Limits.depth:
+                    raise RefusedError(_too_deep(start.index))
+                node = kind(start.index, bool(event.flow_style))
+                self._place(node)
+                self.open.append(node)
+                self.keys.append(None)
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
-                self._end(end.index)
+                done = self.open.pop()
+                self.keys.pop()
+                done.end = end.index
+                if not done.flow and self.last is not None:  # a block ends with its last value, not with blank lines
+                    done.end = max(done.start + 1, self.last.end)
+                self.last = done
             case yaml.AliasEvent():
                 self._refuse_properties(event)
             case yaml.DocumentStartEvent() if self.result.root is not None:
@@ -228,21 +238,6 @@ class _Builder:
         if event.anchor is not None or getattr(event, "tag", None) is not None:
             in_flow = bool(self.open) and self.open[-1].flow
             raise RefusedError(nodes.special_start(self.text, event.start_mark.index, in_flow))
-
-    def _begin(self, node: nodes.MappingNode | nodes.SequenceNode) -> None:
-        if len(self.open) >= Limits.depth:
-            raise RefusedError(_too_deep(node.start))
-        self._place(node)
-        self.open.append(node)
-        self.keys.append(None)
-
-    def _end(self, end: int) -> None:
-        node = self.open.pop()
-        self.keys.pop()
-        node.end = end
-        if not node.flow and self.last is not None:  # a block ends with its last value, not with the blank lines below
-            node.end = max(node.start + 1, self.last.end)
-        self.last = node
 
     def _place(self, node: nodes.Node) -> None:
         self.count += 1

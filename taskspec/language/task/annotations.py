@@ -284,7 +284,10 @@ LATER = "memory"
 
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
     """Read the memory of a spec's expert; None without one, or for a broken one (reported)."""
-    _check_names(context, observation)
+    for c in context.memory:  # its prime would mean both
+        if c.name in all_names(observation.components) and c.name not in all_names(context.state):
+            hint = "every name has one meaning in a spec"
+            context.report_key("E309", ("memory", c.name), f"'{c.name}' is an observation already", hint)
     names.seen = what_is_seen(context.builder, observation, Role.STATE)
     seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
@@ -331,12 +334,3 @@ def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[N
             node = builder.within(node, -INT_MAX, INT_MAX)
         fitting.append(node)
     return tuple(fitting)
-
-
-def _check_names(context: Context, observation: Observation) -> None:
-    """Report (E309) what is remembered under the name of something that is seen: its prime would mean both."""
-    seen = set(all_names(observation.components))
-    for c in context.memory:
-        if c.name in seen and c.name not in all_names(context.state):
-            hint = "every name has one meaning in a spec"
-            context.report_key("E309", ("memory", c.name), f"'{c.name}' is an observation already", hint)

@@ -45,9 +45,7 @@ def build(
         raise
     given = tuple((name, value, _kind(value)) for name, value in values.items())
     most = limits().expressions
-    within = replace(
-        limits(), expressions=0
-    )  # a task is the same within any number of expressions that it does not exceed
+    within = replace(limits(), expressions=0)  # a task is the same within any number that it does not exceed
     try:
         hash(given)
     except TypeError:  # a list, say: no parameter takes one, and the build says so
@@ -112,23 +110,20 @@ def attempts(
     for variant in variants or variant_names(rest.data).values():
         merged = merge(rest, variant)
         mistakes: Sequence[Diagnostic] = ()
-        attempt = _taken(right.get(merged.variant), merged)
-        if attempt is None:
+        known = right.get(merged.variant)
+        if known is not None and _meant(known.merged) == _meant(merged):  # places and prose alone have changed
+            known.names.context.move(merged)
+            attempt: Attempt | None = replace(known, merged=merged)
+        else:
             attempt, mistakes = _attempt(merged, values or {})
         if attempt is not None:
             made.append(attempt)
         for d in mistakes:
-            if is_whole or not _follows(d, words):
+            named = set(re.findall(r"['`](\w+)", d.message))
+            is_missing = d.code in ("E203", "E210", "E217")
+            if is_whole or not (is_missing or words & named):  # else it follows from entries that were left out
                 problems.append(d)
     return made, in_order({(d.code, d.span): d for d in problems}.values())
-
-
-def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
-    """Reuse a task of a spec whose places and prose alone have changed; None where more has."""
-    if known is None or _meant(known.merged) != _meant(merged):
-        return None
-    known.names.context.move(merged)
-    return replace(known, merged=merged)
 
 
 def _meant(merged: Merged) -> str:
@@ -164,11 +159,6 @@ def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None,
 
 _EMPTY: dict[str, Any] = {"state": {}, "action": {}, "horizon": 1, "initial": {}, "dynamics": {}, "reward": 0}
 """Sections in the place of those that a spec does not have yet."""
-
-
-def _follows(mistake: Diagnostic, words: set[str]) -> bool:
-    """Test whether a mistake follows from entries that were left out: it names one, or something is missing."""
-    return mistake.code in ("E203", "E210", "E217") or bool(words & set(re.findall(r"['`](\w+)", mistake.message)))
 
 
 def _kind(value: Any) -> tuple[str, float]:

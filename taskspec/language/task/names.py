@@ -120,8 +120,12 @@ class Names:
 
     def _finished(self, section: str, bindings: dict[str, Binding]) -> Scope:
         self._bind_noise(bindings, section)
-        if section != "initial":
-            self._bind_end(bindings, section)
+        if section in _PAYING and "terminal" in self.context.data:
+            bindings["terminal"] = Lazy(self.end)
+        elif section in _PAYING:
+            bindings["terminal"] = Unavailable("E302", "no step ends an episode here: there is no section `terminal`")
+        elif section != "initial":
+            bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward` and `measures`")
         scope = Scope(bindings, self.context.domains, draws=_NO_DRAWS.get(section))
         self._bind_definitions(bindings, scope)
         self.context.scopes.append(scope)
@@ -174,15 +178,6 @@ class Names:
             bindings["t"] = Unavailable("E302", "the time 't' cannot be used in `legal`", hint)
 
     # -- the end --------------------------------------------------------------------------------------------------
-
-    def _bind_end(self, bindings: dict[str, Binding], section: str) -> None:
-        """`terminal` is the condition of that name, in `reward` and `measures` alone."""
-        if section in _PAYING and "terminal" in self.context.data:
-            bindings["terminal"] = Lazy(self.end)
-        elif section in _PAYING:
-            bindings["terminal"] = Unavailable("E302", "no step ends an episode here: there is no section `terminal`")
-        else:
-            bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward` and `measures`")
 
     def end(self, at: s.Expr) -> Value:
         """Condition on which a step ends the episode, worked out on first use.

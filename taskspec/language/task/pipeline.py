@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -47,18 +47,14 @@ def task_of(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
         for d in error.diagnostics:
             if d not in lacking:
                 others.append(d)
-        raise SpecError([*others, _first(lacking)]) from None
+        first, *rest = lacking
+        places = dict.fromkeys(_line(d, first) for d in rest)
+        note = f"a value is missing in {', '.join(places)} as well"
+        raise SpecError([*others, replace(first, notes=(*first.notes, note))]) from None
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
         context.collector.raise_if_errors()
         place = context.merged.span(("name",))
         raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
-
-
-def _first(lacking: Sequence[Diagnostic]) -> Diagnostic:
-    first, *others = lacking
-    places = dict.fromkeys(_line(d, first) for d in others)
-    note = f"a value is missing in {', '.join(places)} as well"
-    return replace(first, notes=(*first.notes, note))
 
 
 def _line(d: Diagnostic, beside: Diagnostic) -> str:

@@ -98,7 +98,9 @@ class NumbaEngine:
         if self._pool is None:
             ended = step(*self._ranges[0], actions)
         else:
-            ended = self._step_threads(self._pool, step, actions)
+            jobs = [self._pool.submit(step, *place, actions) for place in self._ranges]
+            counts = [job.result() for job in jobs]
+            ended = BAD if BAD in counts else sum(counts)  # all are BAD then: each looks at all actions first
         if ended == BAD:
             raise BadActionError
         if self._waits:
@@ -111,13 +113,6 @@ class NumbaEngine:
         if self._dtype.kind == "i":
             return np.ascontiguousarray(array, np.int64)
         return np.ascontiguousarray(array, np.float32 if array.dtype == np.float32 else np.float64)
-
-    def _step_threads(self, pool: ThreadPoolExecutor, step: Callable[..., int], actions: Array) -> int:
-        jobs = [pool.submit(step, *place, actions) for place in self._ranges]
-        counts = [job.result() for job in jobs]
-        if BAD in counts:  # all of them: each looks at all actions first
-            return BAD
-        return sum(counts)
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         self._episodes.place(values, lanes)

@@ -71,19 +71,12 @@ class KernelLane(LaneEmitter):
         form = entry.kernel
         template = (form.real if real else form.whole) or form.template or entry.scalar.template
         if node.op in ("floordiv", "mod") and not real:
-            template = self._whole_division(node, template)
+            sign = "//" if node.op == "floordiv" else "%"  # division without signs vectorises
+            (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
+            if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
+                template = f"(u32({{0}}) {sign} u32({{1}}))"
         if self.is_narrow(node) and node.op != "to_int":
             return f"i32({template})"
-        return template
-
-    def _whole_division(self, node: Apply, template: str) -> str:
-        """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
-        sign = "%"
-        if node.op == "floordiv":
-            sign = "//"
-        (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
-        if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
-            return f"(u32({{0}}) {sign} u32({{1}}))"
         return template
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
@@ -143,18 +136,13 @@ class KernelLane(LaneEmitter):
                 moved = self.assign(f"i32({later})")
                 ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
                 ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
-        places = list(map(str, range(n)))
         order_of_places = []
         for k in range(n):
-            order_of_places.append(self._pick(places, [f"({rank} == {k})" for rank in ranks]))
+            place = "0"
+            for i in range(1, n):
+                place = self.assign(f"select(({ranks[i]} == {k}), {i}, {place})")
+            order_of_places.append(place)
         return order_of_places
-
-    def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
-        """Value whose condition holds; one of them does."""
-        picked = values[0]
-        for value, condition in zip(values[1:], conditions[1:], strict=True):
-            picked = self.assign(f"select({condition}, {value}, {picked})")
-        return picked
 
     def _network(self, node: Apply, atoms: Sequence[str]) -> list[str]:
         real = node.type.kind is Kind.REAL

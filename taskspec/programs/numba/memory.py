@@ -82,7 +82,10 @@ class Memory:
         pitch = math.ceil(lanes / 64) * 64 + GAP
         words = 2 * math.ceil(self._bytes * pitch / 8)
         scratch = [words + k * self._scratch for k in range(threads)]
-        memory = _aligned((words + threads * self._scratch + 1) // 2)
+        size = (words + threads * self._scratch + 1) // 2
+        numbers = np.zeros(size + 8, np.uint64)
+        aligned = -numbers.ctypes.data % 64 // 8
+        memory = numbers[aligned : aligned + size]
         arrays = {}
         for name, field in self._fields.items():
             start = self._places[name] * pitch
@@ -90,12 +93,6 @@ class Memory:
             rows = memory.view(field.dtype)[start:stop].reshape(*field.shape, pitch)
             arrays[name] = rows[..., :lanes]
         return Block(memory, pitch, arrays, scratch)
-
-
-def _aligned(size: int) -> Array:
-    numbers = np.zeros(size + 8, np.uint64)
-    start = -numbers.ctypes.data % 64 // 8
-    return numbers[start : start + size]
 
 
 def row_names(name: str, shape: tuple[int, ...]) -> list[str]:

@@ -51,7 +51,9 @@ def generate(task: Task, mode: Mode) -> tuple[str, Program]:
     p = Program(task, mode)
     advancing = advance(p)
     beginning = begin(p)
-    functions = [check(p).lines, advancing.lines, beginning.lines, _step(p, advancing, beginning), _reset(p, beginning)]
+    functions = [check(p).lines, advancing.lines, beginning.lines, _step(p, advancing, beginning)]
+    again = _blocks(p, ["late = gather(n, chosen, lanes)", *_begin(p, beginning)])  # in the lanes that are chosen
+    functions.append(["@kernel", "def reset(memory, pitch, start, stop, scratch):", *indent(again)])
     text = repr(f"{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}.")
     tables = []
     for name, array in p.constants.items():
@@ -75,7 +77,10 @@ def _step(p: Program, advancing: LoopFunction, beginning: LoopFunction) -> list[
     if p.mode == "next_step":
         body = [*_LATE, *body, *_UNDO, "if late > 0:", *indent(again)]
     elif p.mode == "same_step" and not p.inline_reset:
-        body += ["if count > 0:", *indent(["late = gather(n, ended, lanes)", *_keep(p), *again])]
+        keep = []
+        for rows in p.seen:
+            keep.append(f"keep(late, lanes, i64({len(rows)}), {rows[0]}, {p.final[rows[0]]}, pitch)")
+        body += ["if count > 0:", *indent(["late = gather(n, ended, lanes)", *keep, *again])]
     lines = [
         "if check(len(actions), part(actions, i64(0))) > 0:",
         f"    return {BAD}",
@@ -84,12 +89,6 @@ def _step(p: Program, advancing: LoopFunction, beginning: LoopFunction) -> list[
         "return total",
     ]
     return ["@kernel", "def step(memory, pitch, start, stop, scratch, actions):", *indent(lines)]
-
-
-def _reset(p: Program, beginning: LoopFunction) -> list[str]:
-    """Begin episodes in those lanes from `start` to `stop` that are `chosen`."""
-    body = _blocks(p, ["late = gather(n, chosen, lanes)", *_begin(p, beginning)])
-    return ["@kernel", "def reset(memory, pitch, start, stop, scratch):", *indent(body)]
 
 
 def _blocks(p: Program, body: list[str]) -> list[str]:
@@ -111,13 +110,6 @@ _UNDO = [
     "    terminated[j] = truncated[j] = ended[j] = False",
 ]
 """Lanes that begin again in this step take none."""
-
-
-def _keep(p: Program) -> list[str]:
-    lines = []
-    for rows in p.seen:
-        lines.append(f"keep(late, lanes, i64({len(rows)}), {rows[0]}, {p.final[rows[0]]}, pitch)")
-    return lines
 
 
 def _begin(p: Program, beginning: LoopFunction) -> list[str]:
@@ -157,16 +149,12 @@ def load(source: str) -> ModuleType:
     """
     parts = (source, inspect.getsource(runtime), inspect.getsource(kernel_draws))
     digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    folder = private_folder(cache_folder() / "numba") or _temporary_folder()
+    folder = private_folder(cache_folder() / "numba") or Path(_temporary().name)
     file = folder / digest / "kernel.py"
     if not file.is_file() or file.read_text(encoding="utf-8") != source:
         _check_compile_time(source)
         write_text(file, source)
-    return _imported(f"taskspec_kernel_{digest}", file)
-
-
-def _imported(name: str, file: Path) -> ModuleType:
-    """Import a file as a module of a name, by which Numba finds the module again."""
+    name = f"taskspec_kernel_{digest}"  # by which Numba finds the module again
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -248,10 +236,6 @@ def private_folder(path: Path) -> Path | None:
 @cache
 def _warn_once(message: str) -> None:
     logging.getLogger("taskspec").warning(message)
-
-
-def _temporary_folder() -> Path:
-    return Path(_temporary().name)
 
 
 @cache

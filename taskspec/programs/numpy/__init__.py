@@ -80,20 +80,17 @@ class Ahead:
         if not self._hoisted.names and not self._words:
             return ()
         if not self._together:
-            return self._own_rows()
+            rows = (self._buffers.steps - self._base).astype(np.int64)
+            if self._at >= self._depth or int(rows.max()) >= self._depth:
+                self._fetch()
+                self._at = 0
+                rows = np.zeros(len(self._lanes), np.int64)
+            places = rows * len(self._lanes) + self._lanes
+            return [np.take(i.reshape(*i.shape[:-2], -1), places, axis=-1, mode="clip") for i in self._items]
         if self._at >= self._depth:
             self._fetch()
         self._at += 1
         return next(self._rows)
-
-    def _own_rows(self) -> list[Array]:
-        rows = (self._buffers.steps - self._base).astype(np.int64)
-        if self._at >= self._depth or int(rows.max()) >= self._depth:
-            self._fetch()
-            self._at = 0
-            rows = np.zeros(len(self._lanes), np.int64)
-        places = rows * len(self._lanes) + self._lanes
-        return [np.take(i.reshape(*i.shape[:-2], -1), places, axis=-1, mode="clip") for i in self._items]
 
     def _fetch(self) -> None:
         steps = self._buffers.steps
@@ -137,21 +134,16 @@ class Ready:
         """Return values (*shape, k) of the first states of the next episodes of k lanes, or (*shape, 1)."""
         if self.fixed:
             return self.values
-        if self._stale[lanes].any():
-            self._refresh()
+        if self._stale[lanes].any():  # new first states for all lanes that have used theirs
+            stale = np.flatnonzero(self._stale)
+            seeds = self._buffers.seeds[stale]
+            words = draws.lanes_block(seeds, draws.RESET, self._buffers.episodes[stale], self._layout.count)
+            for held, new in zip(self._held, evaluated(self._roots, self._layout, words), strict=True):
+                held[..., stale] = new
+            self._stale[stale] = False
         self._stale[lanes] = True
         taken = [v[..., lanes] for v in self._held]
         return [taken[place] for place in self._places]
-
-    def _refresh(self) -> None:
-        """Compute new first states for all lanes that have used theirs."""
-        stale = np.flatnonzero(self._stale)
-        seeds = self._buffers.seeds[stale]
-        episodes = self._buffers.episodes[stale]
-        words = draws.lanes_block(seeds, draws.RESET, episodes, self._layout.count)
-        for held, new in zip(self._held, evaluated(self._roots, self._layout, words), strict=True):
-            held[..., stale] = new
-        self._stale[stale] = False
 
 
 def evaluated(nodes: Sequence[Node], layout: WordLayout, words: Array) -> list[Array]:

@@ -106,6 +106,11 @@ def generate(
     measured = []
     for name, value in zip(measures, values[n + 2 :], strict=False):
         measured += _copy(name, value)
+    ending = ["add(t, ONE, t)"]
+    if task.horizon is not None:
+        ending.append("greater_equal(t, HORIZON, truncated)")
+    if not never(roots[n + 1]):
+        ending.append("logical_or(terminated, truncated, ended)")
     lines = [  # results may show the state, so they are copied before it moves on
         *statements,
         *([] if shown else _observation(form, observation, outputs, values[first:])),
@@ -113,7 +118,8 @@ def generate(
         *measured,
         *([] if never(roots[n + 1]) else _copy("terminated", values[n + 1])),
         *_state(form, task, states, roots[:n], values[:n]),
-        *_ending(task, roots[n + 1]),
+        *ending,
+        "count = int(count_nonzero(ended))",
         *(_begin(states, again, shown) if again is not None else []),
         *([f"copyto(seen0, {states[0]})"] if shown else []),
         "return count",
@@ -232,15 +238,6 @@ def _state(
 def never(terminal: Node) -> bool:
     """Test whether no step terminates; `ended` and `truncated` are one array then."""
     return isinstance(terminal, Const) and not plain(terminal.value)
-
-
-def _ending(task: Task, terminal: Node) -> list[str]:
-    lines = ["add(t, ONE, t)"]
-    if task.horizon is not None:
-        lines.append("greater_equal(t, HORIZON, truncated)")
-    if not never(terminal):
-        lines.append("logical_or(terminated, truncated, ended)")
-    return [*lines, "count = int(count_nonzero(ended))"]
 
 
 def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: Again) -> bool:

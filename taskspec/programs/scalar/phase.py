@@ -176,7 +176,11 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     values = batch.evaluate((*phase.hoisted, *parts), {}, batch_sampler(layout, words))
     columns: list[Sequence[Any]] = []
     if phase.row_size:
-        rows = _rows(phase, values[len(phase.hoisted) :], count)
+        numbers = np.empty((count, phase.row_size), np.float32)
+        with np.errstate(over="ignore"):
+            for (offset, node), value in zip(phase.row_parts, values[len(phase.hoisted) :], strict=True):
+                numbers[:, offset : offset + node.type.size] = value.reshape(node.type.size, value.shape[-1]).T
+        rows = numbers.reshape(count, *phase.row_shape)
         columns += [list(rows), *(list(rows.copy()) for _ in range(1, phase.row_count))]
     for site, names in phase.words.items():
         start = layout.first[site]
@@ -186,14 +190,6 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     if len(columns) == 1:
         return columns[0]
     return list(zip(*columns, strict=True))
-
-
-def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:
-    rows = np.empty((count, phase.row_size), np.float32)
-    with np.errstate(over="ignore"):
-        for (offset, node), value in zip(phase.row_parts, values, strict=True):
-            rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, value.shape[-1]).T
-    return rows.reshape(count, *phase.row_shape)
 
 
 def _listed(node: Node, value: Array, count: int) -> list[Any]:

@@ -341,7 +341,11 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
             rows.append(b.structure("element", [x], (i,)))
     columns = [y]
     if len(y.type.shape) == 2:
-        columns = _columns(b, y)
+        height, width = y.type.shape
+        flat = b.structure("reshape", [y], (height * width,))
+        columns = []
+        for j in range(width):
+            columns.append(b.structure("slice", [flat], (j, height, width)))
     products = []
     for row in rows:
         for column in columns:
@@ -350,15 +354,6 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
     if shape:
         return b.structure("reshape", [b.structure("vector", products)], shape)
     return products[0]
-
-
-def _columns(b: NodeMaker, x: Node) -> list[Node]:
-    rows, columns = x.type.shape
-    flat = b.structure("reshape", [x], (rows * columns,))
-    slices = []
-    for j in range(columns):
-        slices.append(b.structure("slice", [flat], (j, rows, columns)))
-    return slices
 
 
 def _need_vector(name: str, node: Node) -> int:
@@ -401,22 +396,18 @@ def _put(b: NodeMaker, args: list[Node]) -> Node:
     x, index, value = args
     axes = x.type.shape
     if len(axes) > 1 and index.type.shape == (len(axes),):
-        return _put_element(b, x, index, value)
+        number: Node = b.scalar(0)
+        for k, length in enumerate(axes):
+            i = b.position(b.cast(_need_index("put", b.structure("element", [index], (k,))), Kind.INT), length)
+            number = b.apply("add", b.apply("mul", number, b.scalar(length)), i)
+        flat = b.structure("reshape", [x], (x.type.size,))
+        return b.structure("reshape", [_put(b, [flat, number, value])], axes)
     i = at(b, "put", x, index)
     value = b.stretch(value, x.type.shape[1:])
     if value.type.shape != x.type.shape[1:]:
         raise Refused(f"`put` cannot place {value.type} in {x.type}", "E307")
     kind = max(x.type.kind, value.type.kind)
     return b.structure("put", [b.cast(x, kind), i, b.cast(value, kind)])
-
-
-def _put_element(b: NodeMaker, x: Node, index: Node, value: Node) -> Node:
-    number: Node = b.scalar(0)
-    for k, length in enumerate(x.type.shape):
-        i = b.position(b.cast(_need_index("put", b.structure("element", [index], (k,))), Kind.INT), length)
-        number = b.apply("add", b.apply("mul", number, b.scalar(length)), i)
-    flat = b.structure("reshape", [x], (x.type.size,))
-    return b.structure("reshape", [_put(b, [flat, number, value])], x.type.shape)
 
 
 def _reshape(b: NodeMaker, args: list[Node]) -> Node:

@@ -32,8 +32,10 @@ def json_schema() -> dict[str, Any]:
     for title in ("Observation", "PartialObservation"):
         forms[title]["properties"]["space"]["enum"] = list(SPACES)
     definitions = {**forms, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
-    for key in ("Parameters", "PartialParameters"):
-        _type_extra_keys(definitions[key])
+    nullable = {"anyOf": [_ref("PartialParameter"), {"type": "null"}]}
+    for key, value in {"Parameters": _ref("Parameter"), "PartialParameters": nullable}.items():
+        # Older versions of pydantic leave the type of extra keys out.
+        definitions[key] |= {"propertyNames": _ref("Name"), "additionalProperties": value}
     complete = {"anyOf": [{"required": list(REQUIRED)}, {"required": ["variants"]}]}  # or a variant may be
     definitions["Spec"] |= complete
     return {
@@ -120,14 +122,3 @@ def _linked(node: Any) -> Any:
         title = next(title for title, form in NAMES.items() if form["pattern"] == pattern)
         linked |= {"propertyNames": _ref(title), "additionalProperties": _linked(value)}
     return linked
-
-
-def _type_extra_keys(schema: dict[str, Any]) -> None:
-    """Names with typed values: older versions of pydantic leave the type of extra keys out."""
-    part = "PartialParameter"
-    if schema["title"] == "Parameters":
-        part = "Parameter"
-    value: dict[str, Any] = _ref(part)
-    if part == "PartialParameter":
-        value = {"anyOf": [value, {"type": "null"}]}
-    schema |= {"propertyNames": _ref("Name"), "additionalProperties": value}
