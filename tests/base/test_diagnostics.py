@@ -1,7 +1,5 @@
 """Places, rendering, suggestions, and the table of codes."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import re

@@ -1,7 +1,5 @@
 """Whatever a spec or a file is called and says, people see it: no output holds a character that a screen would obey or hide."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

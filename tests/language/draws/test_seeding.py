@@ -4,8 +4,6 @@ No word or variate that is expected here comes from taskspec. Every case of ORDE
 probe is the upper part of its word, so that what a component holds says which word it was given.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 The same over millions of values: `python -m tests.verification.fuzz.bounds --seconds 600`.
 """
 
-from __future__ import annotations
-
 import math
 import random
 

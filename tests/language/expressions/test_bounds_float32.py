@@ -1,7 +1,5 @@
 """JAX computes in single floats: ints that come of its reals are bounded by what these may be, and not by float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from gymnasium.spaces import Discrete

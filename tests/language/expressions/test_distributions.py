@@ -1,7 +1,5 @@
 """Distributions as they are written: what their arguments are if they are left out, and how likely each count is."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

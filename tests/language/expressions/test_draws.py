@@ -4,8 +4,6 @@
 from a function of as many independent draws as are written.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """`fold` and `scan` beside Python's `reduce` and `accumulate`; the end of an episode, named in its reward."""
 
-from __future__ import annotations
-
 import itertools
 from functools import reduce
 from typing import Any

@@ -1,7 +1,5 @@
 """Functions, keys and types of other libraries: the message says how the same is written here, and what it says is the same."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """The table of functions: every sample of every function is accepted, and has the type that its value has."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -4,8 +4,6 @@ Expected values are written by hand from the language's reference: an index that
 negative, one that depends on the state is moved to the nearest end.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from typing import Any

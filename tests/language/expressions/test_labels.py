@@ -1,7 +1,5 @@
 """Labels in arithmetic and ints as labels: by position, or by the value that a label stands for."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Operators that are said to be linear are: along a line of arguments, second differences vanish."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import product

@@ -1,7 +1,5 @@
 """Parts of matrices, elements replaced, other shapes, products, and vectors with several `for`s: beside NumPy."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """What Python reads, or other languages write, and this one refuses: each with what to write instead."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.base.diagnostics import SpecError

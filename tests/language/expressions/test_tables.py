@@ -1,7 +1,5 @@
 """Rows of a decision table that end early: a mapping there is read as rows, and must not be meant as a draw."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.base.diagnostics import SpecError

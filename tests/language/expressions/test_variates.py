@@ -1,7 +1,5 @@
 """A base variate is one entry: a new one runs alike on all backends, has bounds, and enters exact rewards by its mean."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

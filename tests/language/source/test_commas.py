@@ -1,7 +1,5 @@
 """Commas between braces and brackets: what YAML cuts in pieces is reported whole, all of it at once, and ready to be pasted."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Reading YAML: every character of a value has a place."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 from hypothesis import example, given

@@ -1,7 +1,5 @@
 """Several mistakes at once, and each at its place."""
 
-from __future__ import annotations
-
 import pytest
 
 import taskspec

@@ -1,7 +1,5 @@
 """Reading YAML: values, places, traps, and bounds."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

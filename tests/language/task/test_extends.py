@@ -1,7 +1,5 @@
 """Specs that extend a spec of another file, variants that drop claims, and grids of parameter values."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The invariants of tasks: they hold for every spec of the repository, and each notices a task that breaks it."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

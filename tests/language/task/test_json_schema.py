@@ -4,8 +4,6 @@
 yaml-language-server`) as editors do.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -1,7 +1,5 @@
 """What a task tells of itself: its texts, its variants and roles, and its spaces."""
 
-from __future__ import annotations
-
 import copy
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Questions about the expressions of a task, answered by hand for a small one."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

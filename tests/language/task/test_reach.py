@@ -1,7 +1,5 @@
 """How far components get, as spaces of observations declare it: episodes never leave them, however long they last."""
 
-from __future__ import annotations
-
 import pytest
 
 import taskspec

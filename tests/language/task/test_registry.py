@@ -1,7 +1,5 @@
 """Which files of a folder are tasks, and what registration says about the others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

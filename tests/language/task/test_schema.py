@@ -1,7 +1,5 @@
 """The shape of specs: what is accepted, what is said about the rest, and the JSON Schema."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

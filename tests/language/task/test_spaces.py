@@ -1,7 +1,5 @@
 """Many Gymnasium values at once are those that are made one by one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Comprehensions and joined vectors as mathematics: what variables go through, and one list of what is joined."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.show.printers.test_mathematics import written

@@ -1,7 +1,5 @@
 """Names in print: the labels of a choice, and letters for indices."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.language.expressions import syntax as s

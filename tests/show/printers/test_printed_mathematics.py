@@ -3,8 +3,6 @@
 Random trees are printed, read back by readers of the tests' own, and compared with what they mean.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """Remainders as mathematics: brackets wherever a reader could take `mod` over more than it is of."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.show.printers.test_mathematics import written

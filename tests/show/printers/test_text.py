@@ -1,7 +1,5 @@
 """Surface syntax printed as text parses to the same tree, with no bracket too many."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any
