@@ -122,9 +122,8 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
         return ()
     known = {seed: _expert_actions(task, way, seed) for seed in range(1, max(TRIED, 2 * wanted) + 1)}
     varied = [seed for seed, actions in known.items() if (actions != actions[0]).any()]
-    if len(varied) >= wanted:
-        left = varied
-    else:
+    left = varied
+    if len(varied) < wanted:
         left = list(known)
     chosen = [left[0]]
     while len(chosen) < wanted:

@@ -137,23 +137,14 @@ def card(exam: Mapping[str, Any]) -> Card:
     lead, advice = _lead(exam, rows, passed)
     is_wrong = bool(exam["diagnoses"]) or any(row.grade in ("fails", None) for row in rows)
     source = " and ".join(exam["learns_from"]) or "nothing"
+    steps = f"{exam['steps']:,}"
     return Card(
-        learner=exam["learner"],
-        suite=exam["suite"],
-        terms=f"learns from {source}; {exam['steps']:,} steps, {plural(len(exam['seeds']), 'seed')}",
-        steps=f"{exam['steps']:,}",
-        lead=lead,
-        advice=advice,
-        passed=_passed(passed),
-        tasks=tuple(tasks),
-        rows=tuple(rows or passed),
-        others=tuple(passed if rows else ()),
-        diagnoses=tuple(_as_run(exam)),
-        flags=tuple(flag_lines(exam["flags"])),
-        laws=tuple(exam.get("laws") or ()),
-        notes=tuple(_notes(exam, is_wrong=is_wrong)),
-        facts=_facts(exam),
-    )
+        learner=exam["learner"], suite=exam["suite"], steps=steps, lead=lead, advice=advice, passed=_passed(passed),
+        terms=f"learns from {source}; {steps} steps, {plural(len(exam['seeds']), 'seed')}", tasks=tuple(tasks),
+        rows=tuple(rows or passed), others=tuple(passed if rows else ()), diagnoses=tuple(_as_run(exam)),
+        flags=tuple(flag_lines(exam["flags"])), laws=tuple(exam.get("laws") or ()),
+        notes=tuple(_notes(exam, is_wrong)), facts=_facts(exam),
+    )  # fmt: skip
 
 
 def _word(exam: Mapping[str, Any], row: TaskRow) -> str:
@@ -193,7 +184,7 @@ def _notes(exam: Mapping[str, Any], is_wrong: bool) -> list[str]:
 
 
 def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
-    """Return how the exam was run: cost, command, versions, machine."""
+
     cost = exam["cost"]
     spent = [f"{int(cost.get('steps', 0)):,} steps"]
     for name, words in (("demonstrations", "demonstrated transitions"), ("comparisons", "comparisons")):

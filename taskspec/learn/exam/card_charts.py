@@ -186,11 +186,10 @@ def curves(row: TaskRow) -> Chart:
     last = last_step(row)
     lowest = min(score for _, score in itertools.chain.from_iterable(row.curves))
     ticks = {0.0: "0", 1.0: "1"}
-    if lowest <= FLOOR:
-        if lowest < FLOOR:
-            ticks[FLOOR] = "≤ −1"
-        else:
-            ticks[FLOOR] = "−1"
+    if lowest < FLOOR:
+        ticks[FLOOR] = "≤ −1"
+    elif lowest == FLOOR:
+        ticks[FLOOR] = "−1"
     with chart.style():
         figure = chart.figure(2.0, 0.95)
         axes = figure.add_axes((0.22, 0.22, 0.7, 0.7))

@@ -201,20 +201,16 @@ class _Picture:
                 head = form.replace(" ", "\n", 1)
                 self.write(x, self.top - 0.04, head, chart.MUTED, size, ha="center", va="bottom", linespacing=1.0)
         if self.has_curves:
-            last = max(last_step(row) for _, row in self.named if row.curves)
-            head = f"score over\n{steps_words(last)} steps"
+            self.last = max(last_step(row) for _, row in self.named if row.curves)
+            head = f"score over\n{steps_words(self.last)} steps"
             middle = self.spark + SPARK / 2
             self.write(middle, self.top - 0.04, head, chart.MUTED, size, ha="center", va="bottom", linespacing=1.0)
         return left, strip_end
 
     def _axes(self, left: float, top: float, width: float, height: float) -> Any:
+        whole = self.layout.width
         return self.figure.add_axes(
-            (
-                left / self.layout.width,
-                1 - (top + height) / self.height,
-                width / self.layout.width,
-                height / self.height,
-            )
+            (left / whole, 1 - (top + height) / self.height, width / whole, height / self.height)
         )
 
     def _strip(self, row: TaskRow, left: float, right: float, top: float) -> None:
@@ -254,9 +250,8 @@ class _Picture:
         size = min(self.layout.size, 8)
         y = self.bottom + 0.04
         if self.has_curves:
-            last = max(last_step(row) for _, row in self.named if row.curves)
             self.write(self.spark, y, "0", chart.MUTED, 7, ha="center", va="top")
-            self.write(self.spark + SPARK, y, steps_words(last), chart.MUTED, 7, ha="center", va="top")
+            self.write(self.spark + SPARK, y, steps_words(self.last), chart.MUTED, 7, ha="center", va="top")
         handles = marks_key(self.marked)
         corner = (MARGIN / self.layout.width, 1 - y / self.height)
         self.page.legend(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -95,8 +96,10 @@ def card_text(shown: Card, width: int) -> Iterator[Printed]:
 def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
     """Return a row for each law: the tasks that it was tried on, and those where it is broken."""
     table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
-    for law in dict.fromkeys(score["law"] for score in scores):
-        own = [score for score in scores if score["law"] == law]
+    by_law: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    for score in scores:
+        by_law[score["law"]].append(score)
+    for law, own in by_law.items():
         texts = []
         errors = []
         for score in own:
@@ -107,10 +110,9 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
                 texts.append(f"{name} {score['printed']:.2f} → {score['changed']:.2f} (p = {score['p_value']:.2g})")
         if errors:
             texts.append(f"not tried on {plural(len(errors), 'task')}: {errors[0]}")
+        text = VisibleText("no", style="quiet")
         if texts:
             text = VisibleText("; ".join(texts), style="warn")
-        else:
-            text = VisibleText("no", style="quiet")
         table.add_row(law, str(len(own) - len(errors)), text)
     return table
 
@@ -187,10 +189,9 @@ def matrix_text(found: LearnerMatrix) -> Columns:
         words = []
         for cell in cells:
             style = GRADES.get(cell.grade or "", "quiet")
+            below = ""
             if cell.word:
                 below = f"\n{cell.word}"
-            else:
-                below = ""
             words.append(line((cell.printed.words or "·", style), (below, "quiet")))
         table.add_row(name, *words)
     return table

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.base.display import plural
 from taskspec.learn.documents.score_rules import short_name, side
 from taskspec.learn.exam.curves import area
 from taskspec.learn.exam.results import Exam, Examined, Flag, Score
@@ -37,11 +38,7 @@ def difference_flag(
     kind: Literal["twin", "peeks", "regression", "changed"], task: str, message: str, d: Difference, among: int
 ) -> Flag:
     """Return the flag of a difference, which is one `among` several comparisons."""
-    if among == 1:
-        noun = "comparison"
-    else:
-        noun = "comparisons"
-    text = f"{message} (p = {d.p_value:.2g}, corrected for {among} {noun})"
+    text = f"{message} (p = {d.p_value:.2g}, corrected for {plural(among, 'comparison')})"
     if d.is_together:
         text = f"{message} (p = {d.p_value:.2g} for all {among} comparisons together; this one differs most)"
     return Flag(kind=kind, task=task, message=text, effect=d.effect, low=d.low, high=d.high)
@@ -218,6 +215,4 @@ def check_comparable(against: Exam, folder: str, tasks: Mapping[str, str], terms
             message = f"the exam in '{folder}' had {against[name]:,} {name}, this one has {number:,}"  # type: ignore[literal-required]
             raise SpecError([Diagnostic("E713", None, message, f"--{name} {against[name]}")])  # type: ignore[literal-required]
     if not any(about["content_hash"] == tasks.get(task) for task, about in against["tasks"].items()):
-        raise SpecError(
-            [Diagnostic("E713", None, f"the exam in '{folder}' was about other tasks, or they have changed since")]
-        )
+        raise spec_error("E713", f"the exam in '{folder}' was about other tasks, or they have changed since")

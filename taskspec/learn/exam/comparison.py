@@ -8,6 +8,7 @@ on which a seed succeeds or fails they are too narrow.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -78,12 +79,13 @@ def compare(exams: Mapping[str, Exam]) -> LearnersComparison:
     """
     first = next(iter(exams.values()))
     tasks = []
+    runs: dict[str, list[Array]] = defaultdict(list)
     for task in first["tasks"]:
-        if all(task in exam["tasks"] and by_seed(exam["scores"], task, "printed") for exam in exams.values()):
+        of_task = {name: by_seed(exam["scores"], task, "printed") for name, exam in exams.items()}
+        if all(of_task.values()):
             tasks.append(task)
-    runs = {}
-    for name, exam in exams.items():
-        runs[name] = [np.array(list(by_seed(exam["scores"], task, "printed").values())) for task in tasks]
+            for name, scores in of_task.items():
+                runs[name].append(np.array(list(scores.values())))
     if not tasks:
         return LearnersComparison(tasks=[], learners=[], pairs=[])
     summaries = [_summary(name, exam, runs[name], tasks) for name, exam in exams.items()]

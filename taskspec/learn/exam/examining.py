@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import shlex
 import sys
 import tempfile
@@ -15,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import duration, plural
 from taskspec.base.limits import written
 from taskspec.language.modifiers import modify
@@ -29,7 +28,7 @@ from taskspec.learn.exam.findings import diagnose, diagnosis_flag, new_diagnoses
 from taskspec.learn.exam.flags import flags
 from taskspec.learn.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.learn.exam.learned import learned_flags
-from taskspec.learn.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, read, write
+from taskspec.learn.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, finite, read, write
 from taskspec.learn.exam.trial import (
     SEEDS,
     LearnerFailed,
@@ -122,9 +121,7 @@ def examine(
         Interrupted: Ctrl-C; what is done is kept.
     """
     if until_sure and (seeds is not None or within is not None):
-        raise SpecError(
-            [Diagnostic("E713", None, "an exam until it is sure chooses its own seeds, and takes its time")]
-        )
+        raise spec_error("E713", "an exam until it is sure chooses its own seeds, and takes its time")
     numbers = _numbers(seeds, until_sure)
     _check_counts({"seeds": len(numbers), "steps": steps, "transitions": transitions})
     who = learner_of(learner, learns_from)
@@ -374,7 +371,7 @@ class _Trials:
         return rows
 
     def _trained_apart(self, plan: Sequence[Planned]) -> list[list[Row]]:
-        """Return rows of training runs in other processes."""
+
         jobs = []
         for planned in plan:
             trial = planned.trial
@@ -476,16 +473,9 @@ def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
         worst = [min(pair) for pair in zip(constants, on_twins, strict=True)]
     return Examined(
         capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
-        random=_finite(own["random"]), expert=_finite(own["expert"]), optimal=_finite(own["optimal"]),
-        worst=_finite(own["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
+        random=finite(own["random"]), expert=finite(own["expert"]), optimal=finite(own["optimal"]),
+        worst=finite(own["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
     )  # fmt: skip
-
-
-def _finite(value: float | None) -> float | None:
-    """Return a number as JSON has it; None for others."""
-    if value is not None and math.isfinite(value):
-        return value
-    return None
 
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
@@ -515,7 +505,7 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "task": exam_id(planned.task), "twin": twin, "peek": "negated" if planned.trial.negated else None,
         "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
-        "half": (_finite(row.get("deterministic_half")) or 0.0) / unit, "return": _finite(row.get("deterministic")),
+        "half": (finite(row.get("deterministic_half")) or 0.0) / unit, "return": finite(row.get("deterministic")),
         "error": row.get("error"), "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": in_units(row.get("reward_regret")), "curve": curve,

@@ -17,7 +17,7 @@ from taskspec.learn.documents.rule_books import EXAM, FINDINGS, RuleBook, file_o
 from taskspec.learn.documents.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.learn.exam.changes import differs
 from taskspec.learn.exam.learned import explanations
-from taskspec.learn.exam.results import Diagnosis, Exam, Flag
+from taskspec.learn.exam.results import Diagnosis, Exam, Flag, finite
 from taskspec.learn.statistics import CONFIDENCE
 from taskspec.show.bibliography import Reference
 
@@ -64,15 +64,13 @@ class FindingResult:
     def deciding(self, results: str) -> Comparison | None:
         """Return the closest of the comparisons that decide, or leave it open."""
         known = [each for each in self.truths[results].evidence if not each.is_missing]
-        if known:
-            return min(known, key=lambda each: each.margin)
-        return None
+        return min(known, key=lambda each: each.margin, default=None)
 
     def record(self, results: str) -> dict[str, Any]:
         """Return outcome and evidence as JSON data."""
         comparisons = []
         for each in self.truths[results].evidence:
-            numbers = {"value": _finite(each.value), "low": _finite(each.low), "high": _finite(each.high)}
+            numbers = {"value": finite(each.value), "low": finite(each.low), "high": finite(each.high)}
             comparisons.append({"text": each.text, **numbers})
         return {
             "outcome": self.outcome(results), "comparisons": comparisons, "of": self.comparisons[results],
@@ -214,12 +212,6 @@ def _variations(
         f"{SLACK} easier": replace(evaluator, slack=SLACK),
         f"{SLACK} harder": replace(evaluator, slack=-SLACK),
     }
-
-
-def _finite(value: float) -> float | None:
-    if math.isfinite(value):
-        return value
-    return None
 
 
 # -- diagnoses --------------------------------------------------------------------------------------------------------

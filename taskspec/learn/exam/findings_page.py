@@ -208,9 +208,8 @@ def text(findings: FindingsResult) -> Columns:
         for outcome in map(each.outcome, findings.sets):
             words.append(VisibleText(outcome, style=STYLES[outcome]))
         table.add_row(each.name, each.entry.says, *words)
-    counts = [findings.counts(name) for name in findings.sets]
     for outcome, style in STYLES.items():
-        numbers = [str(count[outcome]) for count in counts]
+        numbers = [str(findings.counts(name)[outcome]) for name in findings.sets]
         table.add_row("", VisibleText(outcome, style=style), *numbers)
     return table
 

@@ -13,7 +13,7 @@ from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.language.modifiers import MODIFIERS, modify
 from taskspec.language.modifiers.entry import Kept
 from taskspec.language.task.task import Task
-from taskspec.learn.exam.results import Exam, Flag, LawScore, Score
+from taskspec.learn.exam.results import Exam, Flag, LawScore
 from taskspec.learn.exam.verdicts import by_seed
 from taskspec.learn.statistics import compared
 
@@ -163,10 +163,9 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
 
 
 def _why_not(others: Exam, task: str) -> str:
-    scores: list[Score] = [score for score in others["scores"] if score["task"] == task]
-    errors = [score["error"] for score in scores if score["error"] is not None]
-    if errors:
-        return errors[0]
+    for score in others["scores"]:
+        if score["task"] == task and score["error"] is not None:
+            return score["error"]
     return others["tasks"][task]["cannot"] or "there are no scores"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
@@ -264,7 +265,6 @@ def learned_notes(scores: Sequence[Score], is_wrong: bool) -> list[str]:
             notes.append(note)
     tasks = dict.fromkeys(score["task"] for score in scores)
     unread = {score["task"]: score["unread"] for score in scores if score.get("unread")}
-    for why in dict.fromkeys(unread.values()):
-        number = sum(each == why for each in unread.values())
+    for why, number in Counter(unread.values()).items():
         notes.append(f"learned values were not compared with known mistakes on {number} of {len(tasks)} tasks: {why}")
     return notes

@@ -175,10 +175,9 @@ def write_file(exams: Mapping[str, Mapping[str, Any]], path: Path, is_narrow: bo
     if name == "html":
         write_text(path, page(shown))
         return path
+    layout = card_picture.WIDE
     if is_narrow:
         layout = card_picture.NARROW
-    else:
-        layout = card_picture.WIDE
     return chart.save(card_picture.picture(shown, layout), path)
 
 

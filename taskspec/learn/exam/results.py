@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import re
 import zlib
 from pathlib import Path
@@ -240,6 +241,13 @@ def read(folder: Path | str) -> Exam:
     return cast(Exam, ShownExam(data))  # its shape was looked at
 
 
+def finite(value: float | None) -> float | None:
+    """Return a number as JSON has it; None for others."""
+    if value is not None and math.isfinite(value):
+        return value
+    return None
+
+
 def _inconsistent(exam: dict[str, Any]) -> Problem | None:
     tasks = exam["tasks"]
     for part in ("scores", "flags"):
@@ -270,4 +278,7 @@ def _place(given: Path) -> Path:
         return shipped
     if not given.is_dir():
         return given
-    return next((given / name for name in NAMES if (given / name).exists()), given / NAME)
+    for name in NAMES:
+        if (given / name).exists():
+            return given / name
+    return given / NAME

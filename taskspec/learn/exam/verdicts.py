@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from taskspec.learn.documents.score_rules import seed_means, side
-from taskspec.learn.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score
+from taskspec.learn.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score, finite
 from taskspec.learn.statistics import CONFIDENCE, rate_interval, seeds_interval
 
 MASTERED = 0.9
@@ -53,7 +53,7 @@ def mean_score(values: Sequence[float], fixed: float | None, looks: int = 1) -> 
             above = sum(value - fixed > max(1 - value, ROUNDING) for value in values)
             if rate_interval(above, len(values), confidence)[0] < RATE:
                 verdict = "passes"
-    low, high = (end if math.isfinite(end) else None for end in seeds_interval(values))
+    low, high = map(finite, seeds_interval(values))
     mean = sum(values) / len(values)
     return MeanScore(
         verdict=verdict, mean=mean, low=low, high=high, passed=passed, rate_low=rate_low, rate_high=rate_high
@@ -62,9 +62,13 @@ def mean_score(values: Sequence[float], fixed: float | None, looks: int = 1) -> 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score], looks: int = 1) -> dict[str, CapabilityVerdict]:
     """Return the verdict of each capability: the worst of its tasks, as printed and on twins; `looks` as `mean_score` has it."""
+    names_of: dict[str, list[str]] = {}
+    for task, about in tasks.items():
+        names = names_of.setdefault(about["capability"], [])
+        if not about.get("cannot"):
+            names.append(task)
     by_capability = {}
-    for capability in dict.fromkeys(about["capability"] for about in tasks.values()):
-        names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
+    for capability, names in names_of.items():
         if not names:
             continue
         printed = []
