@@ -95,13 +95,14 @@ def strips(
 
 def _captions(shown: Card) -> list[str]:
     """Return lines that say what a picture shows, from the longest to the shortest."""
-    seeds = max((len(row.printed.scores) for row in shown.tasks), default=0)
+    count = max((len(row.printed.scores) for row in shown.tasks), default=0)
+    seeds = plural(count, "seed")
     scale = "0 is the score of random actions, 1 of the expert"
     return [
-        f"Scores of {shown.learner} on {shown.suite} after {shown.steps} steps: mean and {plural(seeds, 'seed')}; {scale}.",
-        f"Scores of {shown.learner}: mean and {plural(seeds, 'seed')}; {scale}.",
-        f"Mean and {plural(seeds, 'seed')}; {scale}.",
-        f"Mean and {plural(seeds, 'seed')}; 0: random actions, 1: expert.",
+        f"Scores of {shown.learner} on {shown.suite} after {shown.steps} steps: mean and {seeds}; {scale}.",
+        f"Scores of {shown.learner}: mean and {seeds}; {scale}.",
+        f"Mean and {seeds}; {scale}.",
+        f"Mean and {seeds}; 0: random actions, 1: expert.",
     ]
 
 

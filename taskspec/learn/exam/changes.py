@@ -63,9 +63,7 @@ def changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exa
             where = ""
             if which == "twin":
                 where = " on twins"
-            way = "above"
-            if d.effect < 0:
-                way = "below"
+            way = "below" if d.effect < 0 else "above"
             message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
             found[task, name == SCORE].append((message, d))
     flagged = []

@@ -225,17 +225,14 @@ def _looked_at(
     until_sure: bool,
 ) -> Exam:  # fmt: skip
     """Return scores and verdicts; if it goes on until it is sure, seeds are added where it is not."""
-    ends: tuple[int, ...] = (len(seeds),)
-    if until_sure:
-        ends = LOOKS
+    ends = LOOKS if until_sure else (len(seeds),)
     plan: list[Planned] = []
     rows: list[list[Row]] = []
     open_tasks = list(asked)
     begin = 0
     for end in ends:
-        added = trials.plan(
-            [asked[name] for name in open_tasks], seeds[begin:end], trials.twins, trials.peeks and not begin
-        )
+        left = [asked[name] for name in open_tasks]
+        added = trials.plan(left, seeds[begin:end], trials.twins, trials.peeks and not begin)
         plan += added
         rows += trials.run(added)
         begin = end
@@ -302,9 +299,7 @@ class _Trials:
 
     def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, peeks: bool) -> list[Planned]:
         """Return a trial for every task, twin and block of seeds, and for the first seeds with withheld rewards negated."""
-        width = 1
-        if self.who.together:
-            width = WIDEST
+        width = WIDEST if self.who.together else 1
         blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
         peeking = []
         if peeks and "reward" not in self.who.learns_from:

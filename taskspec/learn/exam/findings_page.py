@@ -84,6 +84,7 @@ EVIDENCE = (
     "changes that would alter the outcome: the best actions of policies instead of drawn ones (or the other way round), and "
     f"thresholds of scores that are {SLACK} easier or harder to meet."
 )
+DETAILS = "Conditions, the comparisons that decide, and changes that would alter outcomes are in `findings.html`."
 PICTURE = "findings.svg"
 
 
@@ -131,10 +132,7 @@ def markdown(findings: FindingsResult, origin: Sequence[str] = (), picture: str 
         lines += [f"![{alt}]({picture})", ""]
     in_words = [_in_words(each, findings.sets) for each in findings.results]
     lines += _table(["", "the paper says", *findings.sets], in_words)
-    lines += [
-        "",
-        "Conditions, the comparisons that decide, and changes that would alter outcomes are in `findings.html`.",
-    ]
+    lines += ["", DETAILS]
     if origin:
         lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"

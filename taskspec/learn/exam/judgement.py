@@ -184,7 +184,7 @@ class _Pooled:
                 return False
             elif is_far_worse:
                 unfinished += 1
-        others = [self.of_good(task) for task in self.medians if name not in self.medians[task]]
+        others = [self.of_good(task) for task, medians in self.medians.items() if name not in medians]
         if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
             return False
         if name in OPERATORS and OPERATORS[name].free:
@@ -200,10 +200,7 @@ class _Pooled:
         operator = OPERATORS.get(name)
         total = 0
         for task in tasks:
-            told = []
-            for run in self.by_task[task]:
-                if name in run.distances:
-                    told.append(run.values.get(name, FEWEST))
+            told = [run.values.get(name, FEWEST) for run in self.by_task[task] if name in run.distances]
             if operator is not None and operator.varies:
                 total += sum(told)
             elif operator is not None:

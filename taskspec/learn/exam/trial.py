@@ -165,17 +165,8 @@ class Trial:
     @property
     def key(self) -> str:
         """A hash of all that the result depends on; the block is part of it, as its width may change results."""
-        return key_of(
-            self.about.content_hash,
-            self.negated,
-            self.content,
-            vars(self.terms),
-            self.seeds,
-            self.episodes,
-            self.limits,
-            self.longer,
-            self.is_compared,
-        )
+        learned = (self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds)
+        return key_of(*learned, self.episodes, self.limits, self.longer, self.is_compared)
 
 
 def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
@@ -300,9 +291,10 @@ def _words(error: Exception, train: Any) -> str:
         words = str(error)
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_OURS, "<frozen"))]
     try:
-        own = [f for f in frames if f.filename == inspect.getsourcefile(inspect.unwrap(train))]
+        file = inspect.getsourcefile(inspect.unwrap(train))
     except TypeError:
-        own = []
+        file = None
+    own = [f for f in frames if f.filename == file]
     for frame in (own or frames)[-1:]:
         words += f"\n  at {frame.filename}:{frame.lineno}, in {frame.name}"
     return words
