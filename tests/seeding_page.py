@@ -1,7 +1,5 @@
 """The program `docs/reference/seeding.py`, as a reference that shares no code with taskspec."""
 
-from __future__ import annotations
-
 from tests.shared.scripts import script
 
 CODE = vars(script("seeding"))

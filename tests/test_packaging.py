@@ -1,7 +1,5 @@
 """The distribution as others get it: a wheel, built here and unpacked, and the checkout; what both say of missing packages."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """The plugin of pytest, in runs of pytest: what passes, what a failure prints, options, markers, workers, and its cost."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The words of docstrings and the changelog: the field's own, as docs/reference/glossary.md lists them."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

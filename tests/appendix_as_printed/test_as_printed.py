@@ -1,7 +1,5 @@
 """The tasks of the paper's appendix, typed in exactly as they are printed there: what the checker says about each."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

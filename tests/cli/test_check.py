@@ -1,7 +1,5 @@
 """`taskspec check`: warnings that a spec accepts, what was not checked, what is proved, and symmetries."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

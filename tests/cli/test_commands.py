@@ -1,7 +1,5 @@
 """The command line: what is read, checked and explained; its messages and exit statuses."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`taskspec demos` and `preferences`: the same data whatever writes it, read back, and mistakes."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`taskspec diff`: files, ids, values of parameters and revisions."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

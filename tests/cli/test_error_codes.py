@@ -1,7 +1,5 @@
 """One broken spec for each code, in `tests/errors`, and beside it what is said of it; `pytest --update-golden` writes that."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Ids of instances, `derail/NoisyObs-v0?L=50&M=7`, in all that takes a task; and several values of `-p`."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from pathlib import Path

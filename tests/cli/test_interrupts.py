@@ -1,7 +1,5 @@
 """Ctrl-C, while a command runs many jobs: what is done is kept."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

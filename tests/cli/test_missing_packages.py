@@ -1,7 +1,5 @@
 """What is said of packages that are missing: the command that installs them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

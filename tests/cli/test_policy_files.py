@@ -1,7 +1,5 @@
 """Policies in files: generators, `predict`, and returns beyond all floats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from taskspec.data import demonstrations

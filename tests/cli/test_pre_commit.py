@@ -1,7 +1,5 @@
 """The hooks for pre-commit: what their entries do with right and wrong specs."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """What the foot of the terminal tells while commands take long."""
 
-from __future__ import annotations
-
 import sys
 from io import StringIO
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Specs that once ended in a traceback, or took minutes: each through `check` and `run`, with the code that it gets now."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Experts that remember, on the command line and on pages: what they act on, and what is said of them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The shape of specs and the JSON Schema: mistakes beside each other, variants, and what editors mark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

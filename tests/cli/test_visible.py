@@ -1,7 +1,5 @@
 """Whatever a spec or a file is called and says, people see it: no output holds a character that a screen would obey or hide."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Output at 80 and at 60 columns: what identifies and what measures is whole, on specs with long names."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

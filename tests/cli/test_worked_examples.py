@@ -1,7 +1,5 @@
 """Worked examples of variants, on pages and in the terminal."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

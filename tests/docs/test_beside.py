@@ -1,7 +1,5 @@
 """The page of the ten tasks beside the paper: it names what the paper prints, row by row, and everything that is corrected."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Figures of every task at small, usual and large parameters, measured with the letters of a real font, and the sheet of them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from functools import cache

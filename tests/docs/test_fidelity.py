@@ -1,7 +1,5 @@
 """The numbers of `docs/explain/fidelity.md`, beside the installed package `seals` and our tasks."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

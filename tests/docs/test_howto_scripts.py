@@ -1,7 +1,5 @@
 """The scripts of the how-to pages do what users of other libraries want: short, whole, and run with the real packages."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What `docs/tools/layouts.py` measures of layouts, on pictures whose measures are plain."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from itertools import islice

@@ -1,7 +1,5 @@
 """Learners of other libraries: the files of the page are short, and each learns where its package is installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The pages of mistakes: all that an exam can name has one, none is empty, and numbers are those of exact models."""
 
-from __future__ import annotations
-
 import ast
 import re
 

@@ -1,7 +1,5 @@
 """The notebooks of the documentation do what their outputs say, and are pages of the site."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

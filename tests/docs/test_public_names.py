@@ -1,7 +1,5 @@
 """What is public: names that modules list in `__all__`, each with a docstring, no others on pages for users; and commands."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -14,8 +14,6 @@ On a page, top to bottom and in a folder of its own:
 In outputs, a line `...` stands for any lines, and durations are not compared. `pytest --update-golden` writes what comes out.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

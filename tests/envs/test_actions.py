@@ -1,7 +1,5 @@
 """An action that is one number: the space that learners expect, the forms in which it is taken, and every backend."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym

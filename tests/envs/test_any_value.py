@@ -1,7 +1,5 @@
 """Whatever takes a task takes its id or the path of its spec as well, and what needs an extra says which."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import taskspec

@@ -1,7 +1,5 @@
 """Experts as policies of other libraries, experts of other kinds than the spec's, and the model that scores rest on."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Numbers beyond what an observation, an int or a float can hold."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

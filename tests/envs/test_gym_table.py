@@ -1,7 +1,5 @@
 """The table `P` of environments, as Gymnasium's toy_text has it."""
 
-from __future__ import annotations
-
 import copy
 from collections import defaultdict
 from typing import Any

@@ -1,7 +1,5 @@
 """Masks of legal actions in the infos of every kind of environment, against the condition worked out by hand."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Measures in the infos of steps: the same in every kind of environment, and away from rewards and ends."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

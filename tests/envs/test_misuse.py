@@ -1,7 +1,5 @@
 """Wrong actions, options, seeds, states and names: what environments and `load` refuse, and in which words."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """The adapter for Stable-Baselines3: its VecEnv contract, and the trajectories of the scalar environment."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Every shipped task, made by its id as users make it: on each backend it does what the reference interpreter does."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

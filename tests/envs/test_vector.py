@@ -1,7 +1,5 @@
 """Vector environments: the same trajectories as scalar ones, and Gymnasium's vector interface."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import get_args
 

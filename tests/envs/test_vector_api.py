@@ -1,7 +1,5 @@
 """Vector environments beside Gymnasium's own over scalar ones: results, infos key by key, frames and attributes."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

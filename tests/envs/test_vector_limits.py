@@ -1,7 +1,5 @@
 """Vector environments at the edges of what a task declares, and of what their numbers hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The generated step against the reference interpreter: every task, random parameters within their bounds, random seeds."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from itertools import product

@@ -1,7 +1,5 @@
 """Commands of `taskspec` in a process of their own, which is a copy of one that has imported the package already."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -1,7 +1,5 @@
 """What learners are given, without an exam around it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import taskspec

@@ -1,7 +1,5 @@
 """What a chart shows, as matplotlib lays it out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

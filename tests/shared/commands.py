@@ -1,7 +1,5 @@
 """A command of `taskspec`, run in this process, and what it said."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -5,8 +5,6 @@ environment next to scalar ones, or next to `ReferenceEnv`, which is the referen
 raise AssertionError with what is wrong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Results of an exam that nobody ran: what `exam.json` holds, made of a few numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Expressions as YAML data, to be read again."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from taskspec.language.expressions import syntax as s

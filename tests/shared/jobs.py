@@ -3,8 +3,6 @@
 `python -m tests.shared.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run; without arguments, it is a Dask cluster of two workers.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The text at a place of a file."""
 
-from __future__ import annotations
-
 from taskspec.base.diagnostics import Span
 
 

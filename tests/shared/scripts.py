@@ -1,7 +1,5 @@
 """The scripts of `docs`, which no package has, as modules."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

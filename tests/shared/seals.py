@@ -1,7 +1,5 @@
 """Environments of the package seals, and comparisons of samples by chi-square tests."""
 
-from __future__ import annotations
-
 import warnings
 from collections import Counter
 from typing import Any

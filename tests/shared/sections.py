@@ -1,7 +1,5 @@
 """The smallest task, section by section, and the spec with some of them replaced or added."""
 
-from __future__ import annotations
-
 BASE = {
     "taskspec": "1",
     "name": "Walk",

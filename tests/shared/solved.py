@@ -1,7 +1,5 @@
 """Returns and values of models as numbers, by the solvers that scores use."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from taskspec.exact.model.model import Model

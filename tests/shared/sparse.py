@@ -1,7 +1,5 @@
 """Matrices too large for every day."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The specs in the repository's folders, without what lies beside them: experiments, exams, findings; and their tasks."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Backends, and values as constants of the core."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

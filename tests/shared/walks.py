@@ -1,7 +1,5 @@
 """A small task, as a spec of which sections are replaced."""
 
-from __future__ import annotations
-
 import re
 
 from taskspec.language.source import read_text

@@ -1,7 +1,5 @@
 """Random words, as strategies and as those of one step."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 

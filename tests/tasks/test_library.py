@@ -1,7 +1,5 @@
 """The library: every spec says what a reader looks for, cites what the bibliography has, and has a figure."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from docs.tools.library import COMPARED, EVIDENCE

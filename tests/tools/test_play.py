@@ -1,7 +1,5 @@
 """What tools ask of an environment: its horizon, its frames, and its keys."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

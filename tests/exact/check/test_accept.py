@@ -1,7 +1,5 @@
 """Warnings that a spec accepts: set aside with their reasons, in `--strict` too; a reason for nothing is a warning."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec import exact

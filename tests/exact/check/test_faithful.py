@@ -1,7 +1,5 @@
 """Abstractions: proved where every step can be looked at, without effect elsewhere, refused where they differ from the task."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Why there are no exact results, and what would give some."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.base.diagnostics import SpecError

@@ -1,7 +1,5 @@
 """What is called proved is true: claims that rounding, slow chains or rare outcomes used to get wrong."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from pathlib import Path

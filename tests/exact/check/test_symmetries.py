@@ -1,7 +1,5 @@
 """Symmetries: what they keep, what tells a twin from its task, and that nothing else is called proved."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Which maps of symmetries are proved, tested and refused, and the section of a spec."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """W510: an index that is moved is warned of where it matters, with the values for which it is, and nowhere else."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.exact import check

@@ -1,7 +1,5 @@
 """Warnings about what is written: each on a spec that has the fault, none on one that only looks like it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -6,8 +6,6 @@ looked at, and with `ranges: false` other values of parameters are not tried. `p
 then read the diff.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

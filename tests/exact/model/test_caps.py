@@ -1,7 +1,5 @@
 """Poisson draws whose counts come to the same from some count on: few outcomes, and the values of a plain program."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import product

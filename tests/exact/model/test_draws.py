@@ -1,7 +1,5 @@
 """Draws over a batch equal the scalar sampler lane by lane, and enumerated outcomes have the probabilities of samples."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 What is expected is worked out here, by going through all outcomes of independent draws, or by counting.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """An expert that remembers: its memory beside loops over all that can be heard, and beside episodes of the environment."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 from collections.abc import Sequence

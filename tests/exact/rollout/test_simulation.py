@@ -1,7 +1,5 @@
 """Returns of policies beside the means of episodes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

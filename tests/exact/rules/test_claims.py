@@ -1,7 +1,5 @@
 """Claims: every form, the statuses, and the messages of those that fail."""
 
-from __future__ import annotations
-
 import math
 import re
 from fractions import Fraction

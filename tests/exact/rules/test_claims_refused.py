@@ -1,7 +1,5 @@
 """Claims that are none: what is said of them, and where."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.base.diagnostics import Diagnostic

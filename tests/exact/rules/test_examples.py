@@ -1,7 +1,5 @@
 """Worked examples: what follows is what environments do; what does not follow is an error at its place."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How much observations hide, and how far one has to look ahead, beside every episode of small tasks and the algorithm itself."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from itertools import product

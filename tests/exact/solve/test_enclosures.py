@@ -1,7 +1,5 @@
 """Arithmetic of numbers that are known to lie between two others: results lie between the ends that are given."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable

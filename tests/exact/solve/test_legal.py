@@ -1,7 +1,5 @@
 """Exact results with legal actions, against backward induction over legal actions written out here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import product

@@ -1,7 +1,5 @@
 """Plans and returns of large tasks: how much memory they take."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Claims whose truth rounding could hide: chances that no float holds, signs that cancel, and sums of many outcomes."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

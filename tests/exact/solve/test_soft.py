@@ -1,7 +1,5 @@
 """What is said of soft policies, beside closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

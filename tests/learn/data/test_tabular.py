@@ -1,7 +1,5 @@
 """Arrays of exact models, beside planning written anew, simulated episodes, and the packages that take them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

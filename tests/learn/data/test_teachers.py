@@ -1,7 +1,5 @@
 """Labels of pairs beside B-Pref's teacher (Lee et al. 2021, algorithm 1), written anew, pair by pair, from the paper."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shapes of experiments on pages, beside the JSON Schema that editors read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import yaml

@@ -1,7 +1,5 @@
 """Exams of experiments: every learner on every instance, and what becomes of those that are not made for a task."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """Experiments: what a file means, instance by instance, and what is said where it is wrong."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import shutil

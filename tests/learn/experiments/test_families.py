@@ -1,7 +1,5 @@
 """The families of tasks: learners can be raced on their instances, whatever their spaces are."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

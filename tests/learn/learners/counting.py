@@ -1,7 +1,5 @@
 """Learners that the exam is tried on: right ones, and ones with bugs that people make."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """Learners with nets: their parts beside slow loops, other packages and differences, and what comes of training."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

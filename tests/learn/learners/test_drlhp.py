@@ -1,7 +1,5 @@
 """Learning from comparisons: what is asked, the loss beside differences, and what comes of training."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any

@@ -3,8 +3,6 @@
 The scripts of the how-to pages have more of them (`test_howto_scripts.py`).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

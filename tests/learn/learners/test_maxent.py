@@ -1,7 +1,5 @@
 """Maximum-entropy learners beside closed forms, sums over paths written out, and numerical gradients."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """RLOO, GRPO and DPO: their advantages and losses beside the oracle, and what they learn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

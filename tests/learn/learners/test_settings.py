@@ -1,7 +1,5 @@
 """Learners by name and by file: families, settings, and what is said of mistakes."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

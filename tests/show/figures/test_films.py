@@ -1,7 +1,5 @@
 """Films in pages: at each moment exactly the figure of one state is seen, and a state points at its line."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """Graphs of transitions, and tables where a graph would be too large."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

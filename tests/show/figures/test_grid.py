@@ -1,7 +1,5 @@
 """Grids with several agents and objects, headings, and walls that are drawn per instance."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Bars, tables of transitions and plots: colours, numbers and names are those of the spec."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

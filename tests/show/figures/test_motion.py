@@ -1,7 +1,5 @@
 """Figures of continuous tasks: phase portraits, episodes over time, arms; on classic control tasks and on worked examples."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whose results are laid over a figure: the expert's with its memory, and never another policy's in its name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Whatever takes a task takes its id or the path of its spec as well."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

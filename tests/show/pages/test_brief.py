@@ -1,7 +1,5 @@
 """`docs --brief`: what defines the tasks of the paper, on about as many pages as the paper took."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """`taskspec card`: cards as JSON-LD and Markdown, with the values that exact analysis has."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

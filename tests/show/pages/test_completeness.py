@@ -1,7 +1,5 @@
 """What pages must not leave out: figures without text, open claims, discounts, who acts where."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

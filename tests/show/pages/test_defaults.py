@@ -1,7 +1,5 @@
 """Defaults that depend on other parameters follow them, wherever these are given."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Vectors element by element: every name, call and choice that has elements takes the index, and nothing else does."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from taskspec.language.expressions.parse import parse

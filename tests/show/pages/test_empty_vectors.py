@@ -1,7 +1,5 @@
 """Vectors without elements: a parameter that counts something may be 0."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from taskspec.exact import check

@@ -1,7 +1,5 @@
 """What pages tell beyond the task itself: scores and verdicts, worked out for them or by `check`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

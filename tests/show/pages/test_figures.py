@@ -1,7 +1,5 @@
 """Figures drawn from tasks: what they show, in every format, and a frame for every state of every task."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The printed files are those recorded, well formed, and written fast."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

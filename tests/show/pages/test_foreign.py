@@ -1,7 +1,5 @@
 """Printed pages of specs that the pages were not written for: nothing runs off them, and none is left empty."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

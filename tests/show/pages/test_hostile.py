@@ -1,7 +1,5 @@
 """Hostile and unlucky input: nothing in a spec, its file name or a call runs code, hangs, crashes or goes wrong in silence."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.exact import check, scores

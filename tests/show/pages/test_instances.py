@@ -1,7 +1,5 @@
 """Constants drawn per instance: lanes of several instances, and the values in Python, on pages and in figures."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

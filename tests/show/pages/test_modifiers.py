@@ -1,7 +1,5 @@
 """Modifiers on pages: every entry of the table, on every DERAIL task that it applies to."""
 
-from __future__ import annotations
-
 from taskspec.show.pages.page import page
 from taskspec.show.pages.prose import CodeSpan
 from tests.language.modifiers.test_modifiers import GIVEN, found, small

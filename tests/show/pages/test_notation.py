@@ -1,7 +1,5 @@
 """The paragraph on notation: signs are explained in the documents that they occur in, the same in every format."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pages say what the paper's appendix says, repaired; the files are those recorded; nothing drifts."""
 
-from __future__ import annotations
-
 import math
 import re
 from fractions import Fraction

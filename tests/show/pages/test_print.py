@@ -1,7 +1,5 @@
 """Pages as LaTeX in the places where people put them: sections of families, two columns, slides, numbered captions, metadata."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

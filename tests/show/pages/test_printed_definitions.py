@@ -3,8 +3,6 @@
 Random definitions of a whole task are printed, read back by the tests' own readers, and compared with the spec's text.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

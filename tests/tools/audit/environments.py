@@ -1,7 +1,5 @@
 """Environments with one planted fault or fact each, and the right versions of them: a grid and a cart on a track."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import gymnasium

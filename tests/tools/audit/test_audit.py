@@ -1,7 +1,5 @@
 """Audits find every planted fault and fact, and nothing in the right versions and in Gymnasium's environments."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The usual layout of specs: what it changes, and that nothing else does."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Specs at the points where an author pauses: each line cut in a word, the rest of it not yet written."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Iterator

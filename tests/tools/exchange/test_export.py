@@ -1,7 +1,5 @@
 """Tasks in the formats of other tools: what the files hold, and what is said of the rest."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Specs of what other tools have: the same returns as the source, names that can be read, and what is lost said by name."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

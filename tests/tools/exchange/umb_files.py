@@ -1,7 +1,5 @@
 """UMB files, written and taken apart as the specification of the format says, without the package."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import itertools

@@ -1,7 +1,5 @@
 """What notebooks show of a task, its results, scores, a report, a figure and an exam."""
 
-from __future__ import annotations
-
 import json
 from html.parser import HTMLParser
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """The widget of notebooks, driven by the messages that its page sends."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

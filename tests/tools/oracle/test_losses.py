@@ -1,7 +1,5 @@
 """Group advantages and losses: identities, cases by hand, and padding."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -4,8 +4,6 @@ Each entry names the public thread that reported it. Functions are ours: short, 
 implementations that were reported as wrong are acquitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

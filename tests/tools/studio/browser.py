@@ -1,7 +1,5 @@
 """The studio in Chromium: a server of a copy of the tasks of DERAIL, and a page of it that tests, benchmarks and pictures use."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

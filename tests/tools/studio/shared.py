@@ -1,7 +1,5 @@
 """A studio as people run it: a process with a folder of its own, and a page that asks it questions."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

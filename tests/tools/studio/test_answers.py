@@ -1,7 +1,5 @@
 """What a page of the studio is answered, compared with what the package says without the studio."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Iterator
