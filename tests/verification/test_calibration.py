@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from taskspec.learn.documents.rule_books import EXAM, file_of, read_exam
 from taskspec.learn.exam.mistakes import MISTAKES
 from tests.shared.sparse import sparse
 from tests.verification.calibration import exams
@@ -13,8 +14,9 @@ from tests.verification.calibration.exams import Asked, run
 from tests.verification.calibration.learners import RIGHT
 from tests.verification.calibration.wrong import Mistake, mistakes, program
 
-DIAGNOSES = ("at_random", "lengths", "off_by_one", "one_step", "past_ends", "reversed", "still_explores")
-"""Names of diagnoses that say what is wrong in a mistake."""
+RULES = file_of("probes", EXAM)
+assert RULES is not None
+DIAGNOSES = {rule.name for rule in read_exam(RULES).rules}
 
 
 @pytest.fixture(autouse=True)
