@@ -66,7 +66,9 @@ def complete_modifiers(incomplete: str) -> Completions:
 
     known = []
     for name, entry in MODIFIERS.items():
-        known.append((name + "=" * bool(entry.arguments), entry.doc))
+        if entry.arguments:
+            name += "="
+        known.append((name, entry.doc))
     return starting(incomplete, known)
 
 

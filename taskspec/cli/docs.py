@@ -64,7 +64,7 @@ def docs(
     from taskspec.tools.targets import all_tasks, settings
 
     wanted = options.checked_choices("--format", format or ["html"], (*FORMATS, "md"))
-    wanted = [{"md": "markdown"}.get(name, name) for name in wanted]
+    wanted = ["markdown" if name == "md" else name for name in wanted]
     columns = settings(parameters) if parameters else ()
     tasks: list[Task] = []
     warnings: list[Diagnostic] = []

@@ -128,8 +128,8 @@ def exam(
     if experiment is not None:
         if len(learners) > 1:
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")
-        for option in for_learners:
-            raise misuse(f"{option} is for learners, not for an experiment")
+        if for_learners:
+            raise misuse(f"{next(iter(for_learners))} is for learners, not for an experiment")
         with progress(experiment.experiment.name):
             exams = examine_all(experiment, output, running=running, **terms)
     else:

@@ -25,7 +25,7 @@ from taskspec.language.registry import load
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.learn.exam.dynamics import Behaviour, Dynamics, dynamics_of
 from taskspec.learn.exam.operators import APART, GOOD, MOVED, OPERATORS, Fit
-from taskspec.learn.exam.ways import Way, actor_ways, critic_values, greedy_ways, on_policy_ways
+from taskspec.learn.exam.ways import Way, actor_ways, greedy_ways, on_policy_ways, right_values
 
 
 def fingerprint(
@@ -179,7 +179,7 @@ def explained(
     pi = rows.read(policy, dynamics.model.n_actions).T
     V = rows.read(values, None)
     weights = Behaviour(dynamics, pi).total
-    right = critic_values(dynamics, pi)
+    right = right_values(dynamics, pi)
     size = float(weights @ right**2)
     error = float(weights @ (V - right) ** 2)
     if size == 0 or not np.isfinite(error):

@@ -180,7 +180,7 @@ def actor_ways(dynamics: Dynamics, pi: Array) -> dict[str, list[Way]]:
     return ways
 
 
-def critic_values(dynamics: Dynamics, pi: Array) -> Array:
+def right_values(dynamics: Dynamics, pi: Array) -> Array:
     """Return the right values (S,) of a policy (A, S)."""
     return way(dynamics, OPERATORS["right"], _Actor(pi), is_critic=True, by_visits=False).fixed_point
 
