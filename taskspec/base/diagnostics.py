@@ -147,6 +147,11 @@ class SpecError(TaskspecError, ValueError):
         self.diagnostics = in_order(diagnostics)
         super().__init__(self.diagnostics)
 
+    @property
+    def codes(self) -> list[str]:
+        """Codes of the diagnostics, such as `E703`, in their order."""
+        return [each.code for each in self.diagnostics]
+
     def __str__(self) -> str:
         return render(self.diagnostics)
 

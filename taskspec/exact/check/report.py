@@ -175,6 +175,11 @@ class Report:
     coverage: Coverage = field(default_factory=Coverage)
 
     @property
+    def codes(self) -> list[str]:
+        """Codes of the diagnostics, such as `W506`, in their order."""
+        return [each.code for each in self.diagnostics]
+
+    @property
     def errors(self) -> tuple[Diagnostic, ...]:
         return tuple(d for d in self.diagnostics if d.severity == "error")
 

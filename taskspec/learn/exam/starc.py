@@ -81,7 +81,7 @@ def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
     try:
         distance = reward_distance(task, reward)
     except SpecError as error:
-        if {d.code for d in error.diagnostics} != {"E712"}:
+        if set(error.codes) != {"E712"}:
             raise
         return {"starc": None, "reward_regret": None, "rewards": None}
     mdp = _mdp(task)

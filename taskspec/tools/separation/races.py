@@ -159,7 +159,7 @@ def tables_of(subject: Subject) -> FrozenTask | None:
     try:
         return freeze(task)
     except SpecError as error:
-        if {d.code for d in error.diagnostics} == {"E712"}:
+        if set(error.codes) == {"E712"}:
             return None
         raise
 

@@ -103,7 +103,7 @@ dynamics: {{hit': Bernoulli(1/2), k': "min(k + a, 3)"}}
 {observed}reward: hit' + k
 """
     report = check(build(source.read_text(text, "shot.yaml")))
-    assert "W519" not in [d.code for d in report.diagnostics]
+    assert "W519" not in report.codes
 
 
 GOLD = """

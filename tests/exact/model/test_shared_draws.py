@@ -248,5 +248,5 @@ def test_a_noise_of_a_step_cannot_begin_an_episode(noise: str) -> None:
     text = APART.replace("shift: UniformInt(0, 9)", f'shift: "{noise}"').replace("far: late", "far: 0 * shift")
     with pytest.raises(SpecError) as found:
         build(read_text(text.replace(", shift: shift}", "}")))
-    assert [d.code for d in found.value.diagnostics] == ["E302"]
+    assert found.value.codes == ["E302"]
     assert "an episode begins before any step" in str(found.value)

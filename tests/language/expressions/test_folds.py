@@ -91,5 +91,5 @@ def test_the_end_in_a_reward_is_the_condition_written_out() -> None:
 def test_what_is_no_fold_and_no_end_is_said(old: str, new: str, code: str, words: str) -> None:
     with pytest.raises(SpecError) as found:
         build(read_text(BRACKETS.replace(old, new)))
-    assert code in [d.code for d in found.value.diagnostics]
+    assert code in found.value.codes
     assert any(words in d.message for d in found.value.diagnostics if d.code == code)

@@ -85,7 +85,7 @@ def test_numbers_that_say_no_label(values: str) -> None:
         lines = [line.replace("odd': 1", "odd': 0 + x") for line in lines]
     with pytest.raises(SpecError) as found:
         build(read_text("\n".join(lines)))
-    assert [d.code for d in found.value.diagnostics] == ["E306"]
+    assert found.value.codes == ["E306"]
     assert "a table gives each number its label" in (found.value.diagnostics[0].hint or "")
 
 
@@ -179,4 +179,4 @@ def test_elements_of_a_vector_of_labels_are_labels_of_its_choice(value: str) -> 
 def test_vectors_of_labels_of_another_choice_are_refused(value: str) -> None:
     with pytest.raises(SpecError) as found:
         build(read_text(VECTOR.replace("pay: VALUE, door: VALUE", f"pay: [low, low], door: {value}")))
-    assert {d.code for d in found.value.diagnostics} == {"E306" if "key" in value else "E313"}
+    assert set(found.value.codes) == {"E306" if "key" in value else "E313"}

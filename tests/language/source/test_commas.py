@@ -82,13 +82,13 @@ def test_what_belongs_together_is_quoted_together(text: str, code: str, quoted: 
 def test_a_key_without_a_value_is_no_text_with_a_comma() -> None:
     with pytest.raises(SpecError) as failure:
         read_text("d: {low: 0, high}\n", "spec.yaml")
-    assert [each.code for each in failure.value.diagnostics] == ["E107"]
+    assert failure.value.codes == ["E107"]
 
 
 def test_reading_again_is_bounded() -> None:
     with pytest.raises(SpecError) as failure:
         read_text("- " + "a" * 900_000 + "\n" + "- *z\n" * 1000, "spec.yaml")
-    assert [each.code for each in failure.value.diagnostics] == ["E102"] * 2
+    assert failure.value.codes == ["E102"] * 2
     with pytest.raises(SpecError) as failure:
         read_text("- *z\n" * 1000, "spec.yaml")
     assert len(failure.value.diagnostics) == 50

@@ -278,5 +278,5 @@ def test_rewards_after_the_end_are_not_asked() -> None:
 def test_what_cannot_be_told_has_a_code(task_id: str, reward: Any, code: str, message: str) -> None:
     with pytest.raises(SpecError) as error:
         reward_distance(f"derail/{task_id}", reward)
-    assert [d.code for d in error.value.diagnostics] == [code]
+    assert error.value.codes == [code]
     assert message in error.value.diagnostics[0].message

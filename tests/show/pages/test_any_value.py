@@ -98,4 +98,4 @@ def test_what_is_no_task_is_refused_with_a_code(name: str, tmp_path: Path) -> No
     for source in ("derail/RiskyPth-v0", 3):
         with pytest.raises(taskspec.SpecError) as found:
             USES[name](source, tmp_path)
-        assert [d.code for d in found.value.diagnostics] == ["E701"]
+        assert found.value.codes == ["E701"]

@@ -11,7 +11,7 @@ from tests.language.expressions.test_empty_vectors import DISTRACTED, nothing
 def test_nothing_is_checked_and_printed(tmp_path: Path) -> None:
     task = nothing(DISTRACTED, M=0)
     report = check(task)
-    assert [d.code for d in report.diagnostics] == []
+    assert report.codes == []
     assert [v.status for v in report.verdicts] == ["proved"]
     for path in write([task], ["latex", "html", "markdown"], tmp_path, facts={task.id: gather(task)}):
         if path.name == "distracted.md":
