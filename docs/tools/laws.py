@@ -11,7 +11,7 @@ from typing import Any
 from docs.tools.law_learners import LEARNERS
 from docs.tools.markdown import code, filled, table
 from taskspec.exam import Running, examine
-from taskspec.learn.documents.score_rules import short_name
+from taskspec.learn.documents.seed_scores import short_name
 from taskspec.learn.exam.laws import LAWS, Law
 
 SEEDS = 5

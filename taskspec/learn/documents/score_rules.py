@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain
@@ -13,11 +12,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.exact.rules.evaluator import Evaluator, Truth, Undecidable, Word, combine, evidence_for
 from taskspec.exact.solve.enclosure import Enclosure, compare
 from taskspec.language.expressions import syntax as s
+from taskspec.learn.documents.seed_scores import ONE, SeedScores
 from taskspec.learn.statistics import CONFIDENCE, Estimate, Statistic, estimate
 
 
@@ -30,29 +29,20 @@ class OverSeeds:
     statistic: Statistic
 
 
-def _entry(name: str, entry: str, statistic: Statistic, doc: str) -> OverSeeds:
-    return OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
-
-
-_NUMBERS = (
-    _entry(
-        "score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."
-    ),
-    _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
-    _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
-    _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
-    _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
-    _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
-    _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
-    _entry(
-        "explained",
-        "explained",
-        "mean",
-        "How much a critic explains of the values of its policy: 1 all, 0 or less nothing.",
-    ),
-    _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
-)
-NUMBERS: dict[str, OverSeeds] = {each.word.name: each for each in _NUMBERS}
+_ROWS: tuple[tuple[str, str, Statistic, str], ...] = (
+    ("score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
+    ("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
+    ("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
+    ("median", "deterministic", "median", "Score that half of the seeds reach."),
+    ("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
+    ("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
+    ("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+    ("explained", "explained", "mean", "How much a critic explains of the values of its policy: 1 all, 0 or less nothing."),
+    ("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
+)  # fmt: skip
+NUMBERS: dict[str, OverSeeds] = {}
+for _name, _entry, _statistic, _doc in _ROWS:
+    NUMBERS[_name] = OverSeeds(Word(_name, f"{_name}(task)", _doc), _entry, _statistic)
 """Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
 
 FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
@@ -107,121 +97,6 @@ class RuleNames:
             groups["learners"] = self.learners
         return self.groups | groups
 
-
-# -- scores ---------------------------------------------------------------------------------------
-
-ONE = ""
-"""The learner where there is only one."""
-_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
-
-
-def side(score: Mapping[str, Any]) -> str:
-    """Return the side of a task that a score belongs to: "printed", "twin", or what is tried for peeking."""
-    if score["peek"]:
-        return str(score["peek"])
-    if score["twin"] is None:
-        return "printed"
-    return "twin"
-
-
-def seed_means(records: Iterable[Mapping[str, Any]], number: Callable[[Any], float | None]) -> dict[int, float]:
-    """Return a number for each seed, in order: the mean over its records that have one."""
-    numbers: dict[int, list[float]] = defaultdict(list)
-    for record in records:
-        value = number(record)
-        if value is not None:
-            numbers[record["seed"]].append(float(value))
-    means = {}
-    for seed in sorted(numbers):
-        means[seed] = float(np.mean(numbers[seed]))
-    return means
-
-
-def short_name(task: str) -> str:
-    """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
-    match = _VERSIONED.fullmatch(task)
-    if match is None:
-        return task
-    return match[1] + (match[2] or "")
-
-
-class SeedScores:
-    """Scores of learners, by learner, task and side.
-
-    Args:
-        exams: results by the name of the learner, as `exam.json` holds them; of one learner under the name `ONE`.
-        floor: lower scores are raised to it.
-        drawn: whether policies sample their actions, instead of taking their best ones.
-        same: names of tasks that count as others, where those were not run.
-        instances: names in rules of tasks at other values of parameters, by their own names.
-    """
-
-    def __init__(
-        self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
-        same: Mapping[str, str] | None = None, instances: Mapping[str, str] | None = None,
-    ) -> None:  # fmt: skip
-        self.floor = floor
-        self.drawn = drawn
-        self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
-        self.tasks: dict[str, Mapping[str, Any]] = {}
-        self.ids: dict[str, str] = {}
-        self.exams = exams
-        renamed = {**(same or {}), **(instances or {})}
-        for learner, exam in exams.items():
-            own = set(map(short_name, exam["tasks"]))
-            names = {}
-            for task, about in exam["tasks"].items():
-                name = short_name(task)
-                if renamed.get(name, name) not in own:
-                    name = renamed[name]
-                names[task] = name
-                self.ids[name] = task
-                self.tasks[name] = about
-            for record in exam["scores"]:
-                self.records[learner, names[record["task"]], side(record)].append(record)
-
-    def values(self, learner: str, task: str, side: str, entry: str) -> Array:
-        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several."""
-        if self.drawn and entry == "deterministic":
-            entry = "stochastic"
-        records = _without_errors(self.records.get((learner, task, side), ()))
-        by_seed = seed_means(records, lambda record: record.get(entry))
-        if not by_seed:
-            of = f"{learner} on " * bool(learner)
-            sides = {"printed": task, "twin": f"twins of {task}"}
-            raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
-        array = np.array(list(by_seed.values()))
-        if entry in ("deterministic", "stochastic") and self.floor is not None:
-            array = np.maximum(array, self.floor)
-        return array
-
-    def constant(self, task: str) -> float:
-        """Return the score of the best constant action."""
-        score = self.tasks.get(task, {}).get("constant")
-        if score is None:
-            raise Undecidable(f"the best constant action of {task} is not known")
-        return float(score)
-
-    def about_learner(self, name: str, what: str) -> float:
-        """Return a number of the one learner that there is, of those in `ABOUT_LEARNER`.
-
-        Raises:
-            Undecidable: if it is not known.
-        """
-        exam = self.exams.get(ONE, {})
-        if name == "learns_from" and name in exam:
-            return float(what in exam[name])
-        amounts = [score[what] for score in _without_errors(exam.get("scores", ())) if what in score]
-        if name == "learns_from" or not amounts:
-            raise Undecidable(f"{name}({what}) is not known")
-        return float(np.mean(amounts))
-
-
-def _without_errors(records: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    return (record for record in records if record.get("error") is None)
-
-
-# -- evaluation -----------------------------------------------------------------------------------
 
 _NUMERIC: dict[str, Callable[..., Any]] = {
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "neg": np.negative,
@@ -323,18 +198,19 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         except Undecidable as error:
             return Truth(None, (Comparison(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
         difference = a.map(np.subtract, b)
-        is_left_given = isinstance(left, s.Number | s.Unary)
-        is_right_given = isinstance(right, s.Number | s.Unary)
-        number = difference
-        text = f"{self._text(left)} − {self._text(right)}"
-        if is_right_given and not is_left_given:
-            number = a
-            text = self._text(left)
-        elif is_left_given and not is_right_given:
-            number = b
-            text = self._text(right)
         if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
             return Truth(self._holds(op, difference))
+        is_left_given = isinstance(left, s.Number | s.Unary)
+        is_right_given = isinstance(right, s.Number | s.Unary)
+        if is_left_given == is_right_given:
+            number = difference
+            text = f"{self._text(left)} − {self._text(right)}"
+        elif is_right_given:
+            number = a
+            text = self._text(left)
+        else:
+            number = b
+            text = self._text(right)
         low, high = difference.interval
         comparison = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
         self.made.append(comparison)

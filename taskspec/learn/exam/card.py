@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.base.display import duration, fixed, listed, plural
-from taskspec.learn.documents.score_rules import short_name
+from taskspec.learn.documents.seed_scores import short_name
 from taskspec.learn.exam.asked_tasks import same_tasks
 from taskspec.learn.exam.learned import learned_notes
 from taskspec.learn.exam.score_rows import PUBLISHED, TaskRow, task_name, task_rows

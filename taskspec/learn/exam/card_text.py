@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from taskspec.base.display import fixed, interval, plural
-from taskspec.learn.documents.score_rules import short_name
+from taskspec.learn.documents.seed_scores import short_name
 from taskspec.learn.exam.card import Card, LearnerMatrix, card, matrix, nearest
 from taskspec.learn.exam.comparison import LearnersComparison, compare, lines
 from taskspec.learn.exam.results import Exam

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
-from taskspec.learn.documents.score_rules import short_name, side
+from taskspec.learn.documents.seed_scores import short_name, side
 from taskspec.learn.exam.curves import area
 from taskspec.learn.exam.results import Exam, Examined, Flag, Score
 from taskspec.learn.exam.verdicts import best_score, by_seed

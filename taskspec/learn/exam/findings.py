@@ -14,7 +14,8 @@ from taskspec.exact.rules.evaluator import Truth
 from taskspec.language.expressions.syntax import Expr
 from taskspec.learn.documents.document_models import DiagnosisEntry, FindingEntry, FindingsDocument
 from taskspec.learn.documents.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
-from taskspec.learn.documents.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
+from taskspec.learn.documents.score_rules import Comparison, ScoreEvaluator
+from taskspec.learn.documents.seed_scores import ONE, SeedScores
 from taskspec.learn.exam.changes import differs
 from taskspec.learn.exam.learned import explanations
 from taskspec.learn.exam.results import Diagnosis, Exam, Flag, finite

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Any, Literal
 
-from taskspec.learn.documents.score_rules import side
+from taskspec.learn.documents.seed_scores import side
 from taskspec.learn.exam.changes import changes, difference_flag
 from taskspec.learn.exam.results import Exam, Examined, Flag, Score
 from taskspec.learn.exam.verdicts import ROUNDING, by_seed

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.base import ids
 from taskspec.base.display import fixed
-from taskspec.learn.documents.score_rules import seed_means, side
+from taskspec.learn.documents.seed_scores import seed_means, side
 from taskspec.learn.exam.results import Grade
 from taskspec.learn.exam.verdicts import MASTERED, WORST_FIRST, mean_score, worst
 from taskspec.learn.statistics import seeds_interval

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from taskspec.learn.documents.score_rules import seed_means, side
+from taskspec.learn.documents.seed_scores import seed_means, side
 from taskspec.learn.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score, finite
 from taskspec.learn.statistics import CONFIDENCE, rate_interval, seeds_interval
 
