@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -18,15 +18,15 @@ from typing import Any, TypeVar, cast
 from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.workspace import TextDocument
-from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 
 from taskspec.base import __version__
-from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError, records
+from taskspec.base.diagnostics import Diagnostic, SpecError, records
 from taskspec.tools.authoring import meanings
 from taskspec.tools.authoring.analysis import Analysis, analyse
 from taskspec.tools.authoring.completion import complete
 from taskspec.tools.authoring.formatting import formatted
 from taskspec.tools.editor.checks import LastCheck, check
+from taskspec.tools.editor.protocol import client_range, diagnostic, outline_entry, text_edit
 
 _KINDS = {
     "key": lsp.CompletionItemKind.Property,
@@ -42,7 +42,6 @@ PAUSE = 0.4
 _IS_SPEC = re.compile(r"^taskspec *:", re.MULTILINE)
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 _log = logging.getLogger(__name__)
-_SEVERITIES = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
 
 
 class Server(LanguageServer):
@@ -96,7 +95,7 @@ class Server(LanguageServer):
             for each in self.checked[uri].problems_in(analysis.text):
                 if (each["code"], each["message"]) not in known:
                     problems.append(each)
-        shown = [_problem(each, document) for each in problems]
+        shown = [diagnostic(each, document) for each in problems]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, shown, document.version))
 
 
@@ -184,7 +183,7 @@ def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
     span = meanings.definition(analysis, document.offset_at_position(params.position))
     if span is None:
         return None
-    return lsp.Location(document.uri, _range(span, document))
+    return lsp.Location(document.uri, client_range(span, document))
 
 
 @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
@@ -192,7 +191,7 @@ def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
     """Return every place of the name at a place."""
     analysis, document = ls.analysis(params.text_document.uri)
     spans = meanings.references(analysis, meanings.name_at(analysis, document.offset_at_position(params.position)))
-    return [lsp.Location(document.uri, _range(span, document)) for span in spans]
+    return [lsp.Location(document.uri, client_range(span, document)) for span in spans]
 
 
 @server.feature(lsp.TEXT_DOCUMENT_RENAME)
@@ -205,10 +204,10 @@ def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
     name = meanings.name_at(analysis, document.offset_at_position(params.position))
     if name is None or not analysis.declarations[name].path:
         return None
-    changes = {document.uri: [_edit(each, document) for each in meanings.rename(analysis, name, params.new_name)]}
+    changes = {document.uri: [text_edit(each, document) for each in meanings.rename(analysis, name, params.new_name)]}
     for other, place in _extending(ls, Path(document.path)):
         if name in other.declarations and not other.declarations[name].path:
-            changes[place.uri] = [_edit(each, place) for each in meanings.rename(other, name, params.new_name)]
+            changes[place.uri] = [text_edit(each, place) for each in meanings.rename(other, name, params.new_name)]
     return lsp.WorkspaceEdit(changes=changes)
 
 
@@ -230,10 +229,10 @@ def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
         fix = each.fix
         if fix is None:
             continue
-        problem = _problem(records([each])[0], document)
+        problem = diagnostic(records([each])[0], document)
         if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
             continue
-        edit = lsp.WorkspaceEdit(changes={document.uri: [_edit(fix, document)]})
+        edit = lsp.WorkspaceEdit(changes={document.uri: [text_edit(fix, document)]})
         title = f"write {fix.replacement}"
         offered.append(lsp.CodeAction(title, lsp.CodeActionKind.QuickFix, [problem], is_preferred=True, edit=edit))
     return offered
@@ -247,9 +246,12 @@ def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSy
         return []
     outline = []
     for section, entries in analysis.document.data.items():
-        symbol = _symbol(analysis, (section,), lsp.SymbolKind.Module, document)
+        symbol = outline_entry(analysis, (section,), lsp.SymbolKind.Module, document)
         if isinstance(entries, dict):
-            symbol.children = [_symbol(analysis, (section, key), lsp.SymbolKind.Variable, document) for key in entries]
+            symbol.children = []
+            for key in entries:
+                child = outline_entry(analysis, (section, key), lsp.SymbolKind.Variable, document)
+                symbol.children.append(child)
         outline.append(symbol)
     return outline
 
@@ -264,7 +266,7 @@ def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens
     data: list[int] = []
     line = column = 0
     for kind, span in meanings.tokens(analysis):
-        place = _range(span, document)
+        place = client_range(span, document)
         start = place.start.character
         if place.start.line == line:
             start -= column
@@ -285,7 +287,7 @@ def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
         return shown
     for path, text in ls.checked[uri].lenses:
         if path[-1] in analysis.entries(*path[:-1]):
-            place = _range(analysis.document.key_span(tuple(path)), document)
+            place = client_range(analysis.document.key_span(tuple(path)), document)
             shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
     return shown
 
@@ -344,6 +346,13 @@ def _entries(data: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str | int
         yield from _entries(value, (*path, key))
 
 
+def _problems_here(analysis: Analysis) -> Iterator[Diagnostic]:
+    """Yield the problems that are not in other files."""
+    for each in analysis.diagnostics:
+        if each.span is None or each.span.origin.name == analysis.name:
+            yield each
+
+
 # -- checks -------------------------------------------------------------------------------------------------------
 
 
@@ -372,46 +381,3 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
 
     await check(analysis.text, document.path, take)
     ls.workspace_code_lens_refresh(None)
-
-
-# -- places -------------------------------------------------------------------------------------------------------
-
-
-def _range(span: Span, document: TextDocument) -> lsp.Range:
-    return _client_range(span.line, span.column, span.end_line, span.end_column, document)
-
-
-def _client_range(line: int, column: int, end_line: int, end_column: int, document: TextDocument) -> lsp.Range:
-    start = ServerTextPosition(line - 1, column - 1)
-    end = ServerTextPosition(end_line - 1, end_column - 1)
-    return document.range_to_client_units(ServerTextRange(start, end))
-
-
-def _edit(fix: Fix, document: TextDocument) -> lsp.TextEdit:
-    return lsp.TextEdit(_range(fix.span, document), fix.replacement)
-
-
-def _problems_here(analysis: Analysis) -> Iterator[Diagnostic]:
-    """Yield the problems that are not in other files."""
-    for each in analysis.diagnostics:
-        if each.span is None or each.span.origin.name == analysis.name:
-            yield each
-
-
-def _problem(problem: Mapping[str, Any], document: TextDocument) -> lsp.Diagnostic:
-    place = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
-    if problem["line"] is not None:
-        place = _client_range(problem["line"], problem["column"], problem["end_line"], problem["end_column"], document)
-    text = "\n".join(filter(None, [problem["message"], problem["hint"], *problem["notes"]]))
-    severity = _SEVERITIES[problem["severity"]]
-    return lsp.Diagnostic(place, text, severity=severity, code=problem["code"], source="taskspec")
-
-
-def _symbol(
-    analysis: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument
-) -> lsp.DocumentSymbol:
-    assert analysis.document is not None
-    key = _range(analysis.document.key_span(path), document)
-    value = _range(analysis.document.span(path), document)
-    whole = lsp.Range(key.start, max(key.end, value.end, key=lambda place: (place.line, place.character)))
-    return lsp.DocumentSymbol(path[-1] or "?", kind, whole, key)
