@@ -75,13 +75,12 @@ def limits() -> Limits:
 
 
 @contextmanager
-def also(text: str) -> Iterator[None]:
+def also(text: str, source: str = VARIABLE) -> Iterator[None]:
     """Change limits within the block, on top of the environment variable, also for processes that are started there."""
     before = os.environ.get(VARIABLE, "")
-    both = f"{before},{text}"
-    changed(Limits(), both)
+    changed(limits(), text, source)
     try:
-        _set(both)
+        _set(f"{before},{text}")
         yield
     finally:
         _set(before)
@@ -98,8 +97,8 @@ def _set(text: str) -> None:
     limits.cache_clear()
 
 
-def changed(present: Limits, text: str) -> Limits:
-    """Return limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
+def changed(present: Limits, text: str, source: str = VARIABLE) -> Limits:
+    """Return limits with those replaced that a text names: `seconds=60,candidates=1e7`; errors name its source."""
     fixed = {row.name: row.fixed for row in table()}
     known = [name for name, is_fixed in fixed.items() if not is_fixed]
     given = {}
@@ -110,13 +109,13 @@ def changed(present: Limits, text: str) -> Limits:
                 message = f"the limit '{name}' cannot be changed"
             else:
                 message = f"there is no limit '{name}'"
-            raise spec_error("E713", f"{VARIABLE}: {message}", suggest(name, known) or f"there are: {', '.join(known)}")
+            raise spec_error("E713", f"{source}: {message}", suggest(name, known) or f"there are: {', '.join(known)}")
         try:
             given[name] = int(float(value))
         except (ValueError, OverflowError):
             given[name] = -1
         if given[name] < 0:
-            raise spec_error("E713", f"{VARIABLE}: '{part}' gives no number", f"{name}={getattr(present, name)}")
+            raise spec_error("E713", f"{source}: '{part}' gives no number", f"{name}={getattr(present, name)}")
     return replace(present, **given)
 
 

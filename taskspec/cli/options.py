@@ -74,7 +74,7 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
     if given:
         from taskspec.base.limits import also
 
-        ctx.with_resource(also(",".join(given)))
+        ctx.with_resource(also(",".join(given), "--limit"))
     return given
 
 

@@ -60,6 +60,19 @@ def test_preferences_are_read_back_too(suffix: str, tmp_path: Path) -> None:
         assert same(getattr(found, name), getattr(data, name)), name
 
 
+@pytest.mark.parametrize(
+    ("task", "length", "words"),
+    [
+        ("RiskyPath", 1, "segments of 1 step;"),
+        ("RiskyPath", 9, "whole episodes, which have fewer than 9 steps;"),  # they have five
+        ("EarlyTermNeg", 3, "segments of 2 to 3 steps;"),
+    ],
+)
+def test_the_lengths_of_segments_are_said_as_they_are(task: str, length: int, words: str, tmp_path: Path) -> None:
+    done = Done("preferences", task, "-n", 40, "--length", length, "-o", tmp_path / "p.npz")
+    assert f"40 pairs of {words}" in done.out
+
+
 def test_npz_opens_without_this_package_and_without_pickles(tmp_path: Path) -> None:
     Done("demos", "RiskyPath", "-n", 3, "-o", tmp_path / "x.npz")
     with np.load(tmp_path / "x.npz", allow_pickle=False) as held:

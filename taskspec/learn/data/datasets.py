@@ -17,6 +17,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error, suggest
+from taskspec.base.display import plural
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
 from taskspec.base.named import entries_by_name
@@ -321,9 +322,16 @@ def summary(metadata: Mapping[str, Any]) -> str:
         if metadata["return"] is not None:
             words += f"; the policy earns {metadata['return']['value']:.6g} ({metadata['return']['status']})"
         return words
+    length = metadata["length"]
     parts = "whole episodes"
-    if metadata["length"] is not None:
-        parts = f"segments of {metadata['length']} steps"
+    if length is not None:
+        shortest, longest = metadata["steps"]
+        if longest < length:
+            parts = f"whole episodes, which have fewer than {length} steps"
+        elif shortest < length:
+            parts = f"segments of {shortest} to {length} steps"
+        else:
+            parts = f"segments of {plural(length, 'step')}"
     words = f"{metadata['shown'] - metadata['skipped']:,} pairs of {parts}"
     if metadata["skipped"]:
         words += f", {metadata['skipped']:,} skipped"

@@ -261,10 +261,13 @@ def preferences(
     if not len(kept):
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
     told = described(learned, "preferences", acting, seed)
-    told |= {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept), "range": None}
+    answered = _of_pairs(segments, kept)
+    steps = [int(answered.lengths.min()), int(answered.lengths.max())]
+    told |= {"teacher": str(who), "length": length, "steps": steps}
+    told |= {"shown": pairs, "skipped": pairs - len(kept), "range": None}
     if who.needs_range:
         told["range"] = list(ends)
-    return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
+    return Preferences(answered, labels[kept], returns.reshape(-1, 2)[kept], kept, told)
 
 
 def return_ends(task: Task, length: int | None) -> tuple[float, float]:
