@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taskspec.base.diagnostics import SpecError
@@ -10,40 +11,40 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.figures import Overlay, overlay, scene, undrawn
 from taskspec.show.figures.board import CELL
-from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
+from taskspec.show.figures.shapes import Scene
 from taskspec.show.printers.text import plain
-from tests.docs.test_contact_sheet import extent, letters, outside, overlapping
+from tests.shared.scenes import boxes, circles, extent, labels, legible, letters, lines, places, told
 
 SPECS = Path(__file__).parents[2] / "specs" / "figures"
 
 
 def drawn(name: str, here: dict[str, object] | None = None, **values: object) -> Scene:
     one = registry.load(SPECS / f"{name}.yaml", **values)
-    found = scene(one, Overlay(here=here))
-    assert found is not None
     assert undrawn(one) == ()
-    assert overlapping(found) == outside(found) == []
-    return found
+    return legible(scene(one, Overlay(here=here)))
 
 
 def cell(found: Scene, at: tuple[float, float]) -> tuple[int, int]:
     """Column and row of a point."""
-    corners = [x.corner for x in found.items if isinstance(x, Box) and x.line == "faint"]
-    return tuple(int((v - min(c[i] for c in corners)) / CELL) for i, v in enumerate(at))  # type: ignore[return-value]
+    left, top = places(boxes(found, line="faint")).min(axis=0)
+    return int((at[0] - left) / CELL), int((at[1] - top) / CELL)
 
 
 def words(found: Scene) -> dict[str, tuple[int, int]]:
-    return {plain(x.text): cell(found, x.at) for x in found.items if isinstance(x, Label)}
+    return {plain(label.text): cell(found, label.at) for label in labels(found)}
 
 
 def agent(found: Scene) -> tuple[int, int]:
-    return next(cell(found, x.centre) for x in found.items if isinstance(x, Circle) and x.fill == "ink")
+    return cell(found, circles(found, fill="ink")[0].centre)
 
 
 def ways(found: Scene) -> dict[tuple[int, int], tuple[int, int]]:
     """Which way what is in a cell faces."""
-    lines = [x.points for x in found.items if isinstance(x, Line) and x.arrow]
-    return {cell(found, a): (round((b[0] - a[0]) * 4), round((b[1] - a[1]) * 4)) for a, b in lines}
+    facing = {}
+    for line in lines(found, arrow=True):
+        (x0, y0), (x1, y1) = line.points
+        facing[cell(found, (x0, y0))] = (round((x1 - x0) * 4), round((y1 - y0) * 4))
+    return facing
 
 
 @pytest.mark.parametrize("size", [8, 12, 20])
@@ -63,13 +64,8 @@ def test_keys_and_doors_are_there_until_they_are_used() -> None:
     found = drawn("keys")
     assert (agent(found), ways(found)) == ((1, 1), {(1, 1): (1, 0)})
     assert {"K": (2, 3), "D": (3, 2)}.items() <= words(found).items()
-    walls = {
-        cell(found, (x.corner[0] + 0.1, x.corner[1] + 0.1))
-        for x in found.items
-        if isinstance(x, Box) and x.fill == "muted"
-    }
-    rows = "#######", "#  #  #", "#     #", "#  #  #", "#######"
-    assert len(walls) == sum(row.count("#") for row in rows)
+    walls = np.unique(places(boxes(found, fill="muted")).round(3), axis=0)
+    assert len(walls) == 7 + 3 + 2 + 3 + 7
     opened = drawn("keys", {"x": 2, "y": 3, "dir": "south", "has": False, "open": True})
     assert "D" not in words(opened)
     assert words(opened)["K"] == agent(opened) == (2, 3)
@@ -81,7 +77,7 @@ def test_keys_and_doors_are_there_until_they_are_used() -> None:
 def test_walls_are_those_of_the_instance(size: int, seed: int) -> None:
     found = drawn("walls", L=size, instance_seed=seed)
     walls = registry.load(SPECS / "walls.yaml", L=size, instance_seed=seed).constants["walls"]
-    assert sum(isinstance(x, Box) and x.fill == "muted" for x in found.items) == walls.sum()
+    assert len(boxes(found, fill="muted")) == walls.sum()
 
 
 @pytest.mark.parametrize(("figure", "code"), [
@@ -123,15 +119,14 @@ def test_what_is_laid_over_a_cell_of_several_states() -> None:
     found = scene(one, overlay(one, ["values", "policy"]))
     assert found is not None
     assert {"−2": (1, 0), "−1": (2, 0), "−3": (0, 0)}.items() <= words(found).items()
-    assert not [x for x in found.items if isinstance(x, Line) and x.arrow]
+    assert not lines(found, arrow=True)
     assert "numbers, of the best state in a cell: best return with all 8 steps to go" in words(found)
     assert "not drawn: best actions with all 8 steps to go" in words(found)
     # The expert turns in cell 1, and walks through cells 1 and 2: two states, and one, of each.
     shaded = scene(one, overlay(one, ["occupancy"]))
     assert shaded is not None
-    boxes = [x for x in shaded.items if isinstance(x, Box) and x.fill == "accent"]
-    shades = {cell(shaded, (x.corner[0] + CELL / 2, x.corner[1] + CELL / 2)): x.shade for x in boxes}
-    assert shades == pytest.approx({(0, 0): 0.0, (1, 0): 1.0, (2, 0): 0.5, (3, 0): 0.0})
+    cells = sorted(boxes(shaded, fill="accent"), key=lambda box: box.corner)
+    assert [box.shade for box in cells] == pytest.approx([0.0, 1.0, 0.5, 0.0])
 
 
 CROSSING = """
@@ -152,8 +147,7 @@ def test_what_may_hold_in_every_cell_marks_none() -> None:
     found = scene(build(read_text(CROSSING)))
     assert found is not None
     assert "Not marked: bad, which may hold in every cell." in found.notes
-    marked = [x.fill for x in found.items if isinstance(x, Box) and x.fill in ("good", "bad")]
-    assert set(marked) == {"good"}
+    assert boxes(found, fill="good") and not boxes(found, fill="bad")
 
 
 def test_a_map_without_columns_is_none() -> None:
@@ -164,22 +158,24 @@ def test_a_map_without_columns_is_none() -> None:
 
 def crossed(found: Scene) -> list[str]:
     """Labels that an arrow runs over, and signs that it touches."""
-    lines = [x for x in found.items if isinstance(x, Line)]
-    frames = [(plain(x.text), letters(x)) for x in found.items if isinstance(x, Label)]
-    frames += [("sign", extent(x)) for x in lines if not x.arrow and x.color == "ink"]
-    along = [
-        tuple(a + i / 20 * (b - a) for a, b in zip(*x.points, strict=True)) for x in lines if x.arrow for i in range(21)
-    ]
-    return [word for word, (x0, y0, x1, y1) in frames if any(x0 < x < x1 and y0 < y < y1 for x, y in along)]
+    frames = [(plain(label.text), letters(label)) for label in labels(found)]
+    frames += [("sign", extent(line)) for line in lines(found, arrow=False, color="ink")]
+    ends = places(lines(found, arrow=True))
+    along = np.linspace(ends[:, 0], ends[:, 1], 21)
+    touched = []
+    for word, (x0, y0, x1, y1) in frames:
+        is_inside = (along > (x0, y0)) & (along < (x1, y1))
+        if is_inside.all(axis=-1).any():
+            touched.append(word)
+    return touched
 
 
 @pytest.mark.parametrize("source", [SPECS / "lake.yaml", "seals/CliffWorld"], ids=["moves", "diagonal moves"])
 def test_arrows_run_over_no_number_and_no_sign(source: str | Path) -> None:
     one = registry.load(source)
-    found = scene(one, overlay(one, ["values", "policy"]))
-    assert found is not None
-    assert overlapping(found) == outside(found) == crossed(found) == []
-    assert sum(isinstance(x, Line) and x.arrow for x in found.items) >= 15
+    found = legible(scene(one, overlay(one, ["values", "policy"])))
+    assert crossed(found) == []
+    assert len(lines(found, arrow=True)) >= 15
 
 
 @pytest.mark.parametrize(
@@ -194,4 +190,4 @@ def test_the_shade_of_visits_has_a_scale(source: str | Path, scale: str) -> None
     one = registry.load(source)
     found = scene(one, overlay(one, ["occupancy"]))
     assert found is not None
-    assert any(f"shade, {scale}: " in plain(x.text) for x in found.items if isinstance(x, Label))
+    assert f"shade, {scale}: " in told(found)

@@ -1,6 +1,5 @@
 """Bars, tables of transitions and plots: colours, numbers and names are those of the spec."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,9 @@ import taskspec
 from taskspec.language import registry
 from taskspec.show.figures import Overlay, scene
 from taskspec.show.figures.plane import HEIGHT, WIDTH
-from taskspec.show.figures.shapes import Box, Label, Line, Scene, text_width
+from taskspec.show.figures.shapes import Scene, text_width
 from taskspec.show.printers.text import plain
+from tests.shared.scenes import Array, boxes, labels, lines, places, words
 
 BITS = """\
 taskspec: 1
@@ -35,38 +35,32 @@ def drawn(folder: Path, text: str, over: Overlay | None = None) -> Scene:
     return found
 
 
-def labels(found: Scene) -> list[str]:
-    return [plain(item.text).strip() for item in found.items if isinstance(item, Label)]
-
-
-def colored(found: Scene, role: str) -> list[tuple[int, int]]:
+def colored(found: Scene, role: str) -> list[list[int]]:
     """Row and column of the cells of a vector that have a colour."""
-    corners = [x.corner for x in found.items if isinstance(x, Box) and x.fill == role and x.line == "paper"]
-    left, top = (min(x.corner[i] for x in found.items if isinstance(x, Box) and x.line == "paper") for i in (0, 1))
-    return sorted((round((y - top) / 1.5), round(x - left)) for x, y in corners)
+    cells = places(boxes(found, line="paper"))
+    colored = places(boxes(found, line="paper", fill=role)).reshape(-1, 2)
+    (column, row) = (colored - cells.min(axis=0)).T
+    return sorted(np.stack([row / 1.5, column], axis=1).round().astype(int).tolist())
 
 
 @pytest.mark.parametrize(
     ("part", "cells"),
     [
-        ("x != target", [0, 2]),
-        ("x == 5", []),
-        ("x[0] == 0", [0, 1, 2, 3]),
-        ("x[3] == 0", []),
-        ("x[2:]", [2, 3]),
+        ("x != target", [0, 2]), ("x == 5", []), ("x[0] == 0", [0, 1, 2, 3]), ("x[3] == 0", []), ("x[2:]", [2, 3]),
         ("[0, 3]", [0, 3]),
     ],
-)
+)  # fmt: skip
 def test_highlighted_elements_are_those_of_which_it_holds(part: str, cells: list[int], tmp_path: Path) -> None:
     found = drawn(tmp_path, f'{BITS}figure: {{kind: bars, values: x, highlight: {{bad: "{part}"}}}}\n')
-    assert [cell for cell in colored(found, "bad") if cell[0] == 0] == [(0, i) for i in cells]
+    assert [column for row, column in colored(found, "bad") if row == 0] == cells
 
 
 def test_each_row_is_coloured_by_its_own_state(tmp_path: Path) -> None:
     expert = 'expert: {i: "argmax([x[j] != target[j] for j in range(4)])"}\n'
     found = drawn(tmp_path, f'{BITS}{expert}figure: {{kind: bars, values: x, highlight: {{bad: "x != target"}}}}\n')
-    assert colored(found, "bad") == [(0, 0), (0, 2), (1, 2)]
-    assert all(0 <= x.shade <= 1 for x in found.items if isinstance(x, Box))
+    assert colored(found, "bad") == [[0, 0], [0, 2], [1, 2]]
+    for box in boxes(found):
+        assert 0 <= box.shade <= 1
 
 
 def test_states_of_a_table_are_numbered_as_on_the_page(tmp_path: Path) -> None:
@@ -83,19 +77,25 @@ dynamics: {{s': {{by: s, rows: {{a_first_one: a_second_one, a_second_one: a_thir
 reward: go
 figure: {{kind: matrix}}
 """
-    numbers = [x for x in labels(drawn(tmp_path, text)) if x.isdigit()]
-    assert numbers == ["0", "1", "2"] * 2
+    assert list(filter(str.isdigit, words(drawn(tmp_path, text)))) == ["0", "1", "2"] * 2
 
 
 def test_columns_of_a_table_are_told_apart(tmp_path: Path) -> None:
     """Names such as "0, 0" need more than a space between them."""
     for last in (3, 6):
         found = drawn(tmp_path, COUNTERS.replace("LAST", str(last)))
-        top = min(x.at[1] for x in found.items if isinstance(x, Label) and x.color == "muted")
-        row = sorted((x for x in found.items if isinstance(x, Label) and x.at[1] == top), key=lambda x: x.at[0])
-        ends = [(x.at[0] - text_width(x.text, x.size) / 2, x.at[0] + text_width(x.text, x.size) / 2) for x in row]
-        least = 0.2 if "," in plain(row[0].text) else 0.05
-        assert all(b[0] - a[1] >= least for a, b in pairwise(ends))
+        top = places(labels(found, color="muted"))[:, 1].min()
+        least = 0.05
+        ends = []
+        for label in labels(found):
+            (x, y) = label.at
+            if y == top:
+                half = text_width(label.text, label.size) / 2
+                ends.append((x - half, x + half))
+                if "," in plain(label.text):
+                    least = 0.2
+        lefts, rights = np.sort(ends, axis=0).T
+        assert (lefts[1:] - rights[:-1] >= least).all()
 
 
 COUNTERS = """\
@@ -132,20 +132,21 @@ expert: {tau: 0}
 figure: """
 
 
-def steps(found: Scene, color: str) -> list[float]:
+def steps(found: Scene, color: str) -> Array:
     """How far right or left the points that are joined lie from each other, in centimetres."""
-    lines = [
-        x.points for x in found.items if isinstance(x, Line) and x.color == color and not x.arrow and len(x.points) > 2
-    ]
-    return [abs(b[0] - a[0]) for line in lines for a, b in pairwise(line)]
+    widths = []
+    for line in lines(found, color=color, arrow=False):
+        if len(line.points) > 2:
+            widths.append(abs(np.diff(np.array(line.points)[:, 0])))
+    return np.concatenate(widths)
 
 
 def test_series_name_what_is_written_for_them(tmp_path: Path) -> None:
     written = '["theta", "omega * theta", "cos(theta)"]'
     found = drawn(tmp_path, TURNS + f"{{kind: series, values: {written}}}\n")
-    assert [x.replace(" ", "") for x in labels(found) if x not in "t" and not x[-1].isdigit()] == ["θ", "ωθ", "cos(θ)"]
+    assert [x.replace(" ", "") for x in words(found) if x not in "t" and not x[-1].isdigit()] == ["θ", "ωθ", "cos(θ)"]
     vector = drawn(tmp_path, TURNS + '{kind: series, values: "[theta + i for i in range(2)]"}\n')
-    assert not {"v₀", "v₁"} & set(labels(vector))
+    assert not {"v₀", "v₁"} & set(words(vector))
 
 
 @pytest.mark.parametrize(
@@ -156,26 +157,24 @@ def test_series_name_what_is_written_for_them(tmp_path: Path) -> None:
     ],
 )
 def test_an_angle_that_wraps_is_not_joined(figure: str, color: str, tmp_path: Path) -> None:
-    found = steps(drawn(tmp_path, TURNS + figure + "\n"), color)
-    assert found
-    assert max(found) < 1.0
+    assert steps(drawn(tmp_path, TURNS + figure + "\n"), color).max() < 1.0
 
 
 def test_series_are_joined_but_for_angles_that_wrap(tmp_path: Path) -> None:
     """The speed jumps by its whole range, and stays one line."""
     found = drawn(tmp_path, TURNS + "{kind: series, values: [theta, omega]}\n")
-    lines = [x for x in found.items if isinstance(x, Line) and x.color == "accent"]
-    assert len(lines) > 2
-    assert max(len(x.points) for x in lines) == 41
+    counts = [len(line.points) for line in lines(found, color="accent")]
+    assert len(counts) > 2
+    assert max(counts) == 41
 
 
 def test_a_portrait_shades_where_a_highlight_holds(tmp_path: Path) -> None:
     found = drawn(tmp_path, TURNS + '{kind: portrait, at: [theta, omega], highlight: {bad: "omega > 4"}}\n')
-    strips = [x for x in found.items if isinstance(x, Box) and x.fill == "bad" and x.line is None]
-    assert {round(x.width, 6) for x in strips} == {WIDTH}
-    tops = [x.corner[1] for x in strips]
-    assert max(tops) - min(tops) + strips[0].height == pytest.approx(HEIGHT / 4, abs=0.1)
-    assert "bad" in labels(found)
+    strips = boxes(found, fill="bad", line=None)
+    for strip in strips:
+        assert strip.width == pytest.approx(WIDTH)
+    assert np.ptp(places(strips)[:, 1]) + strips[0].height == pytest.approx(HEIGHT / 4, abs=0.1)
+    assert "bad" in words(found)
 
 
 def test_a_matrix_is_a_board() -> None:
@@ -183,16 +182,15 @@ def test_a_matrix_is_a_board() -> None:
     task = registry.load("planning/LightsOut-v0")
     found = scene(task)
     assert found is not None and "as a board of 3 rows and 3 columns" in found.alt
-    lit = [x for x in found.items if isinstance(x, Box) and x.fill == "accent"]
     first, _ = taskspec.make("planning/LightsOut-v0").reset(seed=0)
-    assert len(lit) == int(np.sum(first))
-    assert not any(isinstance(x, Label) for x in found.items)
+    assert len(boxes(found, fill="accent")) == np.sum(first)
+    assert not labels(found)
 
 
 def test_an_empty_board_shows_a_few_steps() -> None:
     found = scene(registry.load("planning/TicTacToe-v0"))
     assert found is not None and found.notes == ("A state after 3 steps of random actions.",)
-    assert any(isinstance(x, Label) for x in found.items)
+    assert labels(found)
 
 
 def test_thin_walls_of_a_map_are_drawn_as_walls() -> None:
@@ -200,6 +198,5 @@ def test_thin_walls_of_a_map_are_drawn_as_walls() -> None:
     task = registry.load("toy_text/Taxi-v0")
     found = scene(task)
     assert found is not None
-    walls = [x for x in found.items if isinstance(x, Box) and x.fill == "muted" and x.line is None]
-    assert len(walls) == sum(row.count("|") for row in task.spec.constants["map"]["grid"])
-    assert not {":", "|"} & {plain(x.text) for x in found.items if isinstance(x, Label)}
+    assert len(boxes(found, fill="muted", line=None)) == "".join(task.spec.constants["map"]["grid"]).count("|")
+    assert not {":", "|"} & set(words(found))

@@ -1,6 +1,5 @@
 """Figures of continuous tasks: phase portraits, episodes over time, arms; on classic control tasks and on worked examples."""
 
-import itertools
 import math
 from pathlib import Path
 
@@ -16,9 +15,8 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.show.figures import Overlay, render_frame, scene, undrawn
 from taskspec.show.figures.series import series
-from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
-from taskspec.show.printers.text import plain
-from tests.docs.test_contact_sheet import outside, overlapping
+from taskspec.show.figures.shapes import Scene
+from tests.shared.scenes import Array, boxes, circles, legible, lines, places, told, words
 from tests.shared.specs import without_figure
 
 SPRING = """\
@@ -48,27 +46,19 @@ def classic(name: str, figure: str) -> Task:
 
 
 def drawn(one: Task, here: dict[str, object] | None = None) -> Scene:
-    found = scene(one, Overlay(here=here))
-    assert found is not None
     assert undrawn(one) == ()
-    assert overlapping(found) == outside(found) == []
-    return found
-
-
-def words(found: Scene) -> list[str]:
-    return [plain(x.text) for x in found.items if isinstance(x, Label)]
+    return legible(scene(one, Overlay(here=here)))
 
 
 def test_a_portrait_shows_where_a_step_leads() -> None:
     found = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
-    arrows = [
-        x.points for x in found.items if isinstance(x, Line) and x.arrow and x.width == 0.02 and x.color == "muted"
-    ]
-    flow = [(b[0] - a[0], a[1] - b[1]) for a, b in arrows if abs(b[0] - a[0]) < 0.5 and abs(b[1] - a[1]) < 0.5]
-    assert len(flow) >= 70
+    ends = places(lines(found, arrow=True, width=0.02, color="muted"))
+    dx, down = (ends[:, 1] - ends[:, 0]).T
+    is_flow = (abs(dx) < 0.5) & (abs(down) < 0.5)
+    assert np.sum(is_flow) >= 70
     # a spring turns clockwise: upper right goes right and down, lower left goes left and up
-    assert sum(dx > 0 and dy < 0 for dx, dy in flow) >= 10
-    assert sum(dx < 0 and dy > 0 for dx, dy in flow) >= 10
+    assert np.sum(is_flow & (dx > 0) & (down > 0)) >= 10
+    assert np.sum(is_flow & (dx < 0) & (down < 0)) >= 10
     assert {"x", "v", "−1", "1"} <= set(words(found))
     assert "none" in found.notes[0]
     assert drawn(task(SPRING, "{kind: portrait, at: '(x, v)'}")) == found
@@ -76,25 +66,23 @@ def test_a_portrait_shows_where_a_step_leads() -> None:
 
 def test_the_episode_in_a_portrait_is_the_expert_s() -> None:
     found = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
-    (line,) = [x for x in found.items if isinstance(x, Line) and x.color == "accent"]
-    assert len(line.points) == 31
+    (line,) = places(lines(found, color="accent"))
     x = 0.5
     v = 0.0
     wanted = []
     for _ in range(31):
         wanted.append(x)
         x, v = x + 0.1 * v, v - 0.1 * x
-    shift = line.points[0][0] - wanted[0] * 2.5
-    assert [p[0] - shift for p in line.points] == pytest.approx([2.5 * w for w in wanted])
+    assert line[:, 0] - line[0, 0] == pytest.approx(2.5 * (np.array(wanted) - 0.5))
 
 
 def test_a_series_follows_the_components() -> None:
     found = drawn(task(SPRING, "{kind: series}"))
-    lines = [x for x in found.items if isinstance(x, Line) and len(x.points) == 31]
-    boxes = [x for x in found.items if isinstance(x, Box)]
-    assert len(lines) == len(boxes) == 2
-    for line, box in zip(lines, boxes, strict=True):  # axes have round ends, between which all values lie
-        assert all(box.corner[1] <= y <= box.corner[1] + box.height for _, y in line.points)
+    drawn_over_time = curves(found)
+    assert drawn_over_time.shape == (2, 31, 2)
+    for curve, box in zip(drawn_over_time, boxes(found), strict=True):  # axes have round ends, all values between them
+        top = box.corner[1]
+        assert top <= curve[:, 1].min() <= curve[:, 1].max() <= top + box.height
     assert set(words(found)) == {"t", "x", "v", "0", "30", "0.5", "−0.6", "−0.55"}
     assert drawn(task(SPRING, "{kind: series, values: x + v}")).alt.endswith("30 steps")
 
@@ -104,38 +92,41 @@ def test_a_number_that_stays_is_shown_between_its_bounds() -> None:
     assert {"−1", "1"} <= set(words(found))
 
 
-def curves(found: Scene) -> list[list[tuple[float, float]]]:
-    """Lines over time; points one by one where there are no lines yet."""
-    lines = [list(x.points) for x in found.items if isinstance(x, Line) and x.color == "accent"]
-    return lines or [[x.centre] for x in found.items if isinstance(x, Circle)]
+def curves(found: Scene) -> Array:
+    """(panel, point, 2): lines over time; one point of each where there are no lines yet."""
+    joined = lines(found, color="accent")
+    if joined:
+        return places(joined)
+    return places(circles(found))[:, None]
 
 
 @pytest.mark.parametrize("figure", ["{kind: series}", "{kind: series, values: '[x, v]'}"])
 def test_a_film_of_a_series_grows_on_axes_that_stay(figure: str) -> None:
     one = task(SPRING, figure)
-    episode = {t: {"x": math.cos(t), "v": math.sin(t)} for t in range(31)}
+    t = np.arange(31)
+    values = np.stack([np.cos(t), np.sin(t)])
     frames = []
-    for now in range(31):
-        found = scene(one, Overlay(here=episode[now], seen={t: s for t, s in episode.items() if t <= now}))
-        assert found is not None and overlapping(found) == outside(found) == []
-        frames.append(found)
-    assert len({(x.width, x.height) for x in frames}) == 1
-    still = [{x for x in found.items if isinstance(x, Box) or x in frames[0].items} for found in frames]
-    assert all(len(x) == len(still[0]) - 4 for x in still[1:])  # two points, and what their numbers are
-    for panel, name in enumerate("xv"):
-        whole = curves(frames[-1])[panel]
-        assert [y for _, y in whole] == pytest.approx(
-            [whole[0][1] + 0.5 * (episode[0][name] - s[name]) for s in episode.values()]
-        )
-        assert [b[0] - a[0] for a, b in itertools.pairwise(whole)] == pytest.approx([5 / 30] * 30)
-        assert all(curves(found)[panel] == whole[: now + 1] for now, found in enumerate(frames))
+    seen: dict[int, dict[str, float]] = {}
+    for now, (x, v) in enumerate(values.T):
+        seen[now] = {"x": x, "v": v}
+        frames.append(legible(scene(one, Overlay(here=seen[now], seen=seen))))
+    first = frames[0]
+    whole = curves(frames[-1])
+    assert np.diff(whole[..., 0]) == pytest.approx(5 / 30)
+    assert whole[..., 1] - whole[:, :1, 1] == pytest.approx(0.5 * (values[:, :1] - values))
+    for now, found in enumerate(frames):
+        assert (found.width, found.height) == (first.width, first.height)
+        assert np.array_equal(curves(found), whole[:, : now + 1])
+        still = {*boxes(found), *first.items} & set(found.items)
+        assert len(still) == len(first.items) - (4 if now else 0)  # two points, and what their numbers are
 
 
 def test_time_turns_a_page_in_a_film_without_a_horizon() -> None:
     one = task(SPRING.replace("horizon: 30", "horizon: none"), "{kind: series}")
+    state = {"x": 0.5, "v": 0.25}
     for now, ends in ((200, {"0", "200"}), (201, {"200", "400"})):
-        seen = {t: {"x": 0.5, "v": 0.25} for t in range(now - 100, now + 1)}
-        found = scene(one, Overlay(here=seen[now], seen=seen))
+        seen = dict.fromkeys(range(now - 100, now + 1), state)
+        found = scene(one, Overlay(here=state, seen=seen))
         assert found is not None and ends <= set(words(found))
 
 
@@ -143,17 +134,16 @@ def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     text = SPRING.replace(", low: -1, high: 1}", "}").replace(", -1, 1)", ", -inf, inf)")
     one = build(read_text(text))
     size = (320, 240)
+    start = {"x": 130.0, "v": -0.03}
+    after = {"x": 140.0, "v": -0.03}
     frames = Frames()
-    first, second = (frames.draw(one, {"x": x, "v": -0.03}, t) for t, x in enumerate((130.0, 140.0)))
-    assert np.array_equal(
-        first, render_frame(one, {"x": 130.0, "v": -0.03}, "Spring, step 0 of 30", seen={0: {"x": 130.0, "v": -0.03}})
-    )
-    found = series(
-        one, Overlay(here={"x": 140.0, "v": -0.03}, seen={0: {"x": 130.0, "v": -0.03}, 1: {"x": 140.0, "v": -0.03}})
-    )
+    first = frames.draw(one, start, 0)
+    second = frames.draw(one, after, 1)
+    assert np.array_equal(first, render_frame(one, start, "Spring, step 0 of 30", seen={0: start}))
+    found = series(one, Overlay(here=after, seen={0: start, 1: after}))
     assert found is not None
     assert {"−200", "200", "−0.05", "0.05", "x = 140", "v = −0.03"} <= set(words(found))
-    again = frames.draw(one, {"x": 130.0, "v": -0.03}, 0)
+    again = frames.draw(one, start, 0)
     assert np.array_equal(again, first) and not np.array_equal(second, first)  # another episode begins
     lost = {"x": math.nan, "v": 0.0}
     assert np.array_equal(render_frame(one, lost, size=size, seen={0: lost}), render_frame(one, lost, size=size))
@@ -186,13 +176,11 @@ def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
 def test_an_arm_hangs_down_at_zero(angles: tuple[float, float]) -> None:
     one = classic("acrobot", "{kind: arm, values: '[s[0], s[0] + s[1]]'}")
     found = drawn(one, {"s": [angles[0], angles[1], 0.0, 0.0]})
-    (base, elbow) = [x.centre for x in found.items if isinstance(x, Circle) and x.fill == "paper"]  # fmt: skip
-    tip = (next(
-        x.centre for x in found.items if isinstance(x, Circle) and x.fill == "ink"
-    ))  # fmt: skip
-    turned = angles[0], sum(angles)
-    for (x0, y0), (x1, y1), angle in ((base, elbow, turned[0]), (elbow, tip, turned[1])):
-        assert (x1 - x0, y1 - y0) == pytest.approx((1.2 * math.sin(angle), 1.2 * math.cos(angle)))
+    (base, elbow) = places(circles(found, fill="paper"))
+    tip = places(circles(found, fill="ink"))[0]
+    turned = np.cumsum(angles)
+    links = [elbow - base, tip - elbow]
+    assert np.array(links) == pytest.approx(1.2 * np.stack([np.sin(turned), np.cos(turned)], axis=1))
 
 
 @pytest.mark.parametrize(
@@ -204,8 +192,7 @@ def test_an_arm_hangs_down_at_zero(angles: tuple[float, float]) -> None:
     ],
 )  # fmt: skip
 def test_classic_control_is_drawn(name: str, figure: str) -> None:
-    one = classic(name, figure)
-    assert not any("is drawn:" in word for word in words(drawn(one)))
+    assert "is drawn:" not in told(drawn(classic(name, figure)))
 
 
 def test_what_cannot_be_drawn_says_so() -> None:
@@ -214,7 +201,7 @@ def test_what_cannot_be_drawn_says_so() -> None:
     assert warning.code == "W523" and warning.hint is not None and "arm" in warning.hint
     found = scene(one)
     assert found is not None
-    assert any("No portrait is drawn" in x for x in words(found))
+    assert "No portrait is drawn" in told(found)
 
 
 def test_what_a_kind_needs_is_asked_for() -> None:
@@ -235,7 +222,7 @@ def test_a_long_arm_has_the_size_of_a_figure() -> None:
     for links in (1, 30):
         found = drawn(chain(links))
         assert max(found.width, found.height) < 13
-        assert sum(isinstance(x, Circle) and x.fill in ("paper", "ink") for x in found.items) == links + 1
+        assert len(circles(found, fill="paper")) + len(circles(found, fill="ink")) == links + 1
 
 
 @pytest.mark.parametrize(("count", "size"), [(31, "31 numbers"), (3000, "3,000 numbers")])
@@ -243,9 +230,10 @@ def test_too_long_an_arm_says_so(count: int, size: str) -> None:
     one = chain(count)
     found = scene(one)
     assert found is not None
-    assert size in " ".join(words(found))
-    assert "up to 30 finite angles" in " ".join(words(found))
-    assert [x.code for x in undrawn(one)] == ["W523"]
+    assert size in told(found)
+    assert "up to 30 finite angles" in told(found)
+    (warning,) = undrawn(one)
+    assert warning.code == "W523"
 
 
 def test_angles_that_are_no_numbers_are_not_drawn() -> None:
@@ -260,7 +248,7 @@ def test_a_flow_leaves_out_what_leads_nowhere() -> None:
     text = SPRING.replace("x': clip(x + 0.1 * v, -1, 1)", "x': clip(x + 0.1 * v, -1, 1) / (x > -0.8)")
     found = drawn(task(text, "{kind: portrait, at: [x, v]}"))
     whole = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
-    assert 20 < sum(isinstance(x, Line) and x.arrow for x in found.items) < len(whole.items)
+    assert 20 < len(lines(found, arrow=True)) < len(whole.items)
 
 
 @pytest.mark.parametrize("figure", ["{kind: portrait, at: [x, v]}", "{kind: series}"])
@@ -271,4 +259,4 @@ def test_numbers_beyond_all_bounds_are_not_drawn(figure: str) -> None:
     text = text.replace("0.1 * v", "-2 * x * (2 if x > 0 else 1)").replace("x: 0.5", "x: 1.6e308")
     found = scene(task(text, figure))
     assert found is not None
-    assert any("is drawn:" in word for word in words(found))
+    assert "is drawn:" in told(found)

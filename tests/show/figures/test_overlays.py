@@ -9,8 +9,9 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.show.figures import OVERLAYS, overlay, scene
-from taskspec.show.figures.shapes import Box, Label, text_width
+from taskspec.show.figures.shapes import text_width
 from taskspec.show.printers.text import plain
+from tests.shared.scenes import boxes, labels, words
 from tests.shared.tasks import ROAD
 
 CUE = """\
@@ -57,7 +58,7 @@ def cue(folder: Path, text: str = CUE) -> Task:
 def legend(task: Task, *names: str) -> list[str]:
     found = scene(task, overlay(task, names))
     assert found is not None
-    return [plain(item.text) for item in found.items if isinstance(item, Label) and ": " in plain(item.text)]
+    return [word for word in words(found) if ": " in word]
 
 
 def test_an_expert_that_remembers_is_shown_as_it_acts(tmp_path: Path) -> None:
@@ -92,7 +93,7 @@ def test_an_expert_without_a_plan_is_not_replaced(tmp_path: Path) -> None:
 def test_only_one_policy_is_drawn_and_the_other_is_named(tmp_path: Path) -> None:
     told = legend(cue(tmp_path), *OVERLAYS)
     assert "thick arrows: best actions with all 3 steps to go" in told
-    assert any(line.startswith("not drawn: the expert's actions") for line in told)
+    assert "not drawn: the expert's actions" in "\n".join(told)
     alone = legend(cue(tmp_path, CUE.split("memory:")[0]), "expert")
     assert alone == ["thick arrows: an optimal policy's actions at first"]
 
@@ -120,21 +121,19 @@ def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tm
     task = cue(tmp_path, KEYS)
     found = scene(task, overlay(task, names))
     assert found is not None
-    badges = [x for x in found.items if isinstance(x, Box) and x.fill == "second"]
-    texts = [x for x in found.items if isinstance(x, Label) and plain(x.text)[0].isdigit()]
+    badges = boxes(found, fill="second")
+    texts = [label for label in labels(found) if plain(label.text)[0].isdigit()]
     assert len(badges) == 3
     assert len(texts) == 12
     for badge in badges:
-        (left, top) = badge.corner
-        bottom = badge.corner[1] + badge.height
-        right = badge.corner[0] + badge.width
+        x = badge.corner[0] + badge.width / 2
+        y = badge.corner[1] + badge.height / 2
         for text in texts:
-            half = text_width(text.text, text.size) / 2, text.size / 2
-            apart = abs(text.at[0] - (left + right) / 2) >= half[0] + badge.width / 2
-            assert apart or abs(text.at[1] - (top + bottom) / 2) >= half[1] + badge.height / 2
+            is_beside = abs(text.at[0] - x) >= (text_width(text.text, text.size) + badge.width) / 2
+            assert is_beside or abs(text.at[1] - y) >= (text.size + badge.height) / 2
 
 
 def test_values_of_states_that_only_longer_episodes_enter_are_of_all_steps_left() -> None:
     """500 steps along a road of 20,000 places, of which episodes enter 501."""
     shown = overlay(build(read_text(ROAD)), ["values"]).values
-    assert shown[400] == sum(400 + step for step in range(1, 501))
+    assert shown[400] == sum(range(401, 901))

@@ -17,16 +17,15 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures import Overlay, figure, overlay, render_frame, scene
 from taskspec.show.figures.layout import drawings
 from taskspec.show.figures.machine import explore
-from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene
+from taskspec.show.figures.shapes import Scene
 from taskspec.show.figures.states import first_state
 from taskspec.show.figures.vector_formats import svg
 from taskspec.show.pages import gather, write
 from taskspec.show.pages.page import anchor
-from taskspec.show.printers.text import plain
 from tests.shared.for_each import for_each
+from tests.shared.scenes import boxes, circles, lines, outside, places, words
 from tests.shared.specs import spec_file, varied_files, without_figure
 
-ROOT = Path(__file__).parents[3]
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
 SPECS = varied_files()
 
@@ -41,43 +40,34 @@ def drawn(name: str, overlay: Overlay | None = None, **parameters: object) -> Sc
     return found
 
 
-def labels(found: Scene) -> list[str]:
-    return [plain(item.text).strip() for item in found.items if isinstance(item, Label)]
-
-
-def fills(found: Scene, kind: type[Item] = Circle) -> list[str]:
-    return [
-        item.fill for item in found.items if isinstance(item, kind) and isinstance(item, Circle | Box) and item.fill
-    ]
-
-
 def test_risky_path_shows_chances_rewards_and_colours() -> None:
     found = drawn("RiskyPath")
-    assert labels(found).count("50%") == 2
-    assert {"s₀", "s₁", "s₂", "s₃", "safe", "risky", "r = 1", "r = −100"} <= set(labels(found))
-    assert {"good", "bad"} <= set(fills(found))
+    assert words(found).count("50%") == 2
+    assert {"s₀", "s₁", "s₂", "s₃", "safe", "risky", "r = 1", "r = −100"} <= set(words(found))
+    assert circles(found, fill="good") and circles(found, fill="bad")
 
 
 def test_what_an_action_pays_stands_beside_it_and_not_at_its_outcomes() -> None:
-    found = labels(scene(registry.load("probes/Echo-v0")))
-    assert found.count("50%") == 4
-    assert {"left, r = 1; right, r = 0", "left, r = 0; right, r = 1"} <= set(found)
+    found = scene(registry.load("probes/Echo-v0"))
+    assert found is not None
+    assert words(found).count("50%") == 4
+    assert {"left, r = 1; right, r = 0", "left, r = 0; right, r = 1"} <= set(words(found))
 
 
 def test_terminal_states_have_two_rims() -> None:
     found = drawn("EarlyTermPos")
-    assert len([c for c in found.items if isinstance(c, Circle)]) == 4
+    assert len(circles(found)) == 4
     assert found.notes == ("Every step pays 1.",)
 
 
 def test_branching_with_ten_choices_has_all_its_states() -> None:
     found = drawn("Branching", L=10)
-    assert {str(i) for i in range(21)} <= set(labels(found))
-    assert fills(found).count("good") == 1
+    assert set(map(str, range(21))) <= set(words(found))
+    assert len(circles(found, fill="good")) == 1
 
 
 def test_wide_families_are_tables() -> None:
-    assert {"from", "to"} <= set(labels(drawn("Branching", L=10, B=12)))
+    assert {"from", "to"} <= set(words(drawn("Branching", L=10, B=12)))
 
 
 def test_numbers_of_a_knot_are_drawn_over_time() -> None:
@@ -92,7 +82,7 @@ def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
 
 
 def test_small_branching_is_drawn_whole() -> None:
-    assert "…" not in labels(drawn("Branching", L=2))
+    assert "…" not in words(drawn("Branching", L=2))
 
 
 def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
@@ -101,7 +91,8 @@ def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
         if machine is None:
             continue
         for found in drawings(machine):
-            assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
+            for arc in found.arcs:
+                assert {arc.source, arc.target} <= set(found.vertices)
 
 
 def test_probabilities_leaving_a_state_sum_to_one() -> None:
@@ -115,28 +106,30 @@ def test_probabilities_leaving_a_state_sum_to_one() -> None:
 
 def test_grid_marks_the_goal_and_the_starts() -> None:
     found = drawn("NoisyObs")
-    assert fills(found, Box).count("good") == 1 + 1  # in the key
-    faint = [c for c in found.items if isinstance(c, Circle) and c.fill == "ink"]
+    assert len(boxes(found, fill="good")) == 1 + 1  # in the key
+    faint = circles(found, fill="ink")
     assert len(faint) == 4
-    assert all(c.shade < 1 for c in faint)
+    for circle in faint:
+        assert circle.shade < 1
 
 
 def test_sorting_ends_sorted() -> None:
-    numbers = [float(x) for x in labels(drawn("Sort"))]
-    assert numbers[-4:] == sorted(numbers[-4:])
-    assert any(isinstance(x, Line) and x.arrow for x in drawn("Sort").items)
+    found = drawn("Sort")
+    last = np.array(words(found)[-4:], float)
+    assert (np.diff(last) >= 0).all()
+    assert lines(found, arrow=True)
 
 
 def test_halves_have_two_colours() -> None:
-    colors = fills(drawn("LargestSum", L=10), Box)
+    colors = [box.fill for box in boxes(drawn("LargestSum", L=10)) if box.fill]
     assert colors == ["accent"] * 10 + ["second"] * 10
 
 
 def test_overlays() -> None:
     found = drawn("RiskyPath", Overlay(values={0: 4.0}, policy={0: (0,)}, occupancy={1: 0.5}))
-    assert "V = 4" in labels(found)
-    assert any(isinstance(x, Line) and x.width > 0.05 for x in found.items)
-    assert any(isinstance(x, Circle) and x.shade == 0.5 for x in found.items)
+    assert "V = 4" in words(found)
+    assert max(line.width for line in lines(found)) > 0.05
+    assert circles(found, shade=0.5)
 
 
 def test_overlays_from_the_exact_model() -> None:
@@ -151,18 +144,19 @@ def test_overlays_on_a_grid() -> None:
     one = task("NoisyObs")
     found = scene(one, overlay(one, ["values", "policy"]))
     assert found is not None
-    assert "12" in labels(found)
-    assert len([x for x in found.items if isinstance(x, Line) and x.arrow]) > 20
+    assert "12" in words(found)
+    assert len(lines(found, arrow=True)) > 20
 
 
-def arrows(found: Scene) -> set[tuple[int, int, int, int]]:
-    """Cells of a grid with the ways of the arrows in them."""
-    left = min(x.corner[0] for x in found.items if isinstance(x, Box))
-    top = min(x.corner[1] for x in found.items if isinstance(x, Box))
-    ends = [x.points for x in found.items if isinstance(x, Line) and x.arrow]
-    return {
-        (int((a - left) / 0.8), int((b - top) / 0.8), round((c - a) * 3), round((d - b) * 3)) for (a, b), (c, d) in ends
-    }
+def arrows(found: Scene) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """The ways of the arrows in each cell of a grid."""
+    ends = places(lines(found, arrow=True))
+    cells = ((ends[:, 0] - places(boxes(found)).min(axis=0)) / 0.8).astype(int)
+    turned = (3 * (ends[:, 1] - ends[:, 0])).round().astype(int)
+    ways: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for (x, y), (dx, dy) in zip(cells.tolist(), turned.tolist(), strict=True):
+        ways.setdefault((x, y), []).append((dx, dy))
+    return ways
 
 
 def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() -> None:
@@ -170,10 +164,12 @@ def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() 
     lake = registry.load(spec_file("frozen_lake"))
     found = scene(lake, overlay(lake, ["policy"]))
     assert found is not None
-    assert {(0, 0, -1, 0), (1, 0, 0, -1), (0, 1, -1, 0), (1, 2, 0, 1), (1, 3, 1, 0), (2, 3, 0, 1)} <= arrows(found)
+    wanted = {(0, 0): (-1, 0), (1, 0): (0, -1), (0, 1): (-1, 0), (1, 2): (0, 1), (1, 3): (1, 0), (2, 3): (0, 1)}
+    for cell, way in wanted.items():
+        assert way in arrows(found)[cell]
     ends = {(1, 1), (3, 1), (3, 2), (0, 3), (3, 3)}  # nobody acts in holes and in the goal
-    assert not ends & {(x, y) for x, y, _, _ in arrows(found)}
-    assert "arrows: best actions with all 100 steps to go" in labels(found)
+    assert not ends & arrows(found).keys()
+    assert "arrows: best actions with all 100 steps to go" in words(found)
 
 
 def test_a_terminal_state_has_no_value() -> None:
@@ -183,7 +179,7 @@ def test_a_terminal_state_has_no_value() -> None:
     assert set(over.policy) == {0, 1}
     found = scene(one, over)
     assert found is not None
-    assert "V: best return with all 10 steps to go" in labels(found)
+    assert "V: best return with all 10 steps to go" in words(found)
 
 
 def test_unknown_overlay() -> None:
@@ -197,13 +193,7 @@ def test_every_shipped_task_has_a_figure(name: str) -> None:
     assert found is not None
     assert found.alt
     ElementTree.fromstring(svg(found))
-    assert _is_inside(found)
-
-
-def _is_inside(found: Scene) -> bool:
-    points = [p for x in found.items for p in (x.points if isinstance(x, Line) and not x.curved else ())]
-    points += [x.centre for x in found.items if isinstance(x, Circle)]
-    return all(0 <= px <= found.width and 0 <= py <= found.height for px, py in points)
+    assert outside(found) == []
 
 
 @pytest.mark.parametrize("ending", ["svg", "tex", "png", "pdf"])
@@ -234,12 +224,13 @@ def test_a_frame_of_a_graph_shows_where_the_agent_is(state: int) -> None:
     one = task("Branching", L=10)
     found = scene(one, Overlay(here={"s": state}))
     assert found is not None
-    assert fills(found).count("accent") == 1
+    assert len(circles(found, fill="accent")) == 1
 
 
 def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
     one = task("NoisyObs")
-    a, b = (render_frame(one, {"x": x, "y": 1}, size=(160, 120)) for x in (0, 3))
+    a = render_frame(one, {"x": 0, "y": 1}, size=(160, 120))
+    b = render_frame(one, {"x": 3, "y": 1}, size=(160, 120))
     assert a.shape == b.shape
     assert not np.array_equal(a, b)
 
@@ -247,9 +238,10 @@ def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
 def test_tikz_stands_alone(tmp_path: Path) -> None:
     """A figure's file needs tikz, amsmath and xcolor, nothing else of ours."""
+    inputs = ""
     for name in ("RiskyPath", "Branching", "NoisyObs", "Parabola", "Sort"):
         figure(task(name), tmp_path / f"{name}.tex")
-    inputs = "\n".join(rf"\input{{{p.stem}}}\par" for p in sorted(tmp_path.glob("*.tex")))
+        inputs += rf"\input{{{name}}}\par"
     source = rf"\documentclass{{article}}\usepackage{{amsmath,amssymb,xcolor,tikz}}\begin{{document}}{inputs}\end{{document}}"
     (tmp_path / "all.tex").write_text(source, encoding="utf-8")
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"]
@@ -271,28 +263,26 @@ figure: {kind: bars, values: x}
 """
     found = scene(build(read_text(spec)))
     assert found is not None
-    assert labels(found)[:3] == ["2", "0", "−1"]
+    assert words(found)[:3] == ["2", "0", "−1"]
 
 
 def test_pages_show_exact_results_in_the_figure_without_a_script(tmp_path: Path) -> None:
     views = ["task", "film", "best returns", "best actions", "visits", "expert"]
-    for name, words in (("RiskyPath", views), ("Parabola", ["task", "film"])):
+    for name, layers in (("RiskyPath", views), ("Parabola", ["task", "film"])):
         one = task(name)
         write([one], ["html"], tmp_path, facts={one.id: gather(one)})
         (path,) = tmp_path.glob(f"{anchor(name)}.html")
         text = path.read_text(encoding="utf-8")
-        assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == words
-        assert len(re.findall('class="figure(?: film)?"', text)) == len(words) and "<script" not in text
+        assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == layers
+        assert len(re.findall('class="figure(?: film)?"', text)) == len(layers) and "<script" not in text
 
 
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("Pong1D", "pong-1d"),
-        ("Level2Boss", "level2-boss"),
-        ("BranchingSeals", "branching-seals"),
+        ("Pong1D", "pong-1d"), ("Level2Boss", "level2-boss"), ("BranchingSeals", "branching-seals"),
         ("CliffWorldXY", "cliff-world-xy"),
     ],
-)
+)  # fmt: skip
 def test_file_names_are_the_words_of_the_name(name: str, expected: str) -> None:
     assert anchor(name) == expected
