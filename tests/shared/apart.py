@@ -48,7 +48,7 @@ def program(
         texts = readers.map(Path.read_text, pipes)
         known = {**os.environ, "NO_COLOR": "1", **environment}
         job = {
-            "code": code, "folder": str(folder), "arguments": [str(each) for each in arguments], "environment": known,
+            "code": code, "folder": str(folder), "arguments": list(map(str, arguments)), "environment": known,
             "resources": dict(resources or {}), "pipes": list(map(str, pipes)),
         }  # fmt: skip
         process = _process()

@@ -17,9 +17,9 @@ def texts(figure: Any) -> Iterator[tuple[str, Any]]:
         hidden = set()
         for axis in figure.findobj(Axis):
             low, high = sorted(axis.get_view_interval())
-            ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-            beyond = [tick for tick in ticks if not low - 1e-9 <= tick.get_loc() <= high + 1e-9 or not axis.axes.axison]
-            hidden |= {label for tick in beyond for label in (tick.label1, tick.label2)}
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                if not low - 1e-9 <= tick.get_loc() <= high + 1e-9 or not axis.axes.axison:
+                    hidden |= {tick.label1, tick.label2}
         for text in figure.findobj(Text):
             if text.get_text().strip() and text.get_visible() and text not in hidden:
                 yield text.get_text(), text.get_window_extent()

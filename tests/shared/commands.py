@@ -18,7 +18,7 @@ class Done:
 
     def __init__(self, *args: object, columns: int | None = None) -> None:
         env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
-        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
+        result = CliRunner().invoke(app, list(map(str, args)), env=env)
         self.status = result.exit_code
         self.out = result.stdout
         self.err = result.stderr

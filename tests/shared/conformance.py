@@ -54,7 +54,7 @@ def _trajectory(env: gymnasium.Env[Any, Any], steps: int, seed: int) -> list[Any
         assert env.observation_space.contains(seen), f"the observation {seen!r} is not in {env.observation_space}"
         seen, reward, terminated, truncated, _ = env.step(env.action_space.sample())
         assert isinstance(reward, float), f"the reward {reward!r} is a {type(reward).__name__}, not a float"
-        flags = [type(flag) for flag in (terminated, truncated)]
+        flags = [type(terminated), type(truncated)]
         assert flags == [bool, bool], f"the flags are {flags}, not bool"
         found.append((_plain(seen), reward, terminated, truncated))
         if terminated or truncated:

@@ -25,8 +25,14 @@ def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str,
     } | others  # fmt: skip
 
 
-def over_seeds(scores: float | Sequence[float], seeds: int) -> list[float]:
-    return list(scores) if isinstance(scores, Sequence) else [float(scores)] * seeds
+def entries(scores: Scores, seeds: int, **others: Any) -> list[dict[str, Any]]:
+    """A result for each task and seed."""
+    results = []
+    for task, each in scores.items():
+        of_seeds = each if isinstance(each, Sequence) else [float(each)] * seeds
+        for seed, score in enumerate(of_seeds):
+            results.append(entry(task, seed, score, **others))
+    return results
 
 
 def id_of(task: str) -> str:
@@ -37,22 +43,15 @@ def id_of(task: str) -> str:
 
 def exam(printed: Scores, twins: Scores | None = None, seeds: int = 15, **others: Any) -> dict[str, Any]:
     """Results with a score for each seed of each task, or one for all seeds; `twins` those on two twins of each."""
-    scores = [entry(t, i, x) for t, each in printed.items() for i, x in enumerate(over_seeds(each, seeds))]
-    scores += [
-        entry(t, i, x, twin=f"relabelled={k}+permuted_actions={k}")
-        for t, each in (twins or {}).items()
-        for k in (1, 2)
-        for i, x in enumerate(over_seeds(each, seeds))
-    ]
-    about = {
-        id_of(t): {
-            "capability": TITLES[t.partition("?")[0]],
-            "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0, "worst": -250.0, "cannot": None,
-            "constant": CONSTANT.get(t, 0.0),
-            "content_hash": "0" * 64,
-        }
-        for t in {**TITLES, **printed}
-    }  # fmt: skip
+    scores = entries(printed, seeds)
+    for k in (1, 2):
+        scores += entries(twins or {}, seeds, twin=f"relabelled={k}+permuted_actions={k}")
+    about = {}
+    for t in {**TITLES, **printed}:
+        about[id_of(t)] = {
+            "capability": TITLES[t.partition("?")[0]], "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0,
+            "worst": -250.0, "cannot": None, "constant": CONSTANT.get(t, 0.0), "content_hash": "0" * 64,
+        }  # fmt: skip
     found = {
         "exam": 1, "learner": "bc", "learns_from": ["demonstrations"], "suite": "derail", "steps": 500_000,
         "transitions": 10_000, "tasks": about,

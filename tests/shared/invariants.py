@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 from taskspec.language.expressions import interval
 from taskspec.language.expressions.ir import Apply, Const, Draw, Node, draws, reads, walk
@@ -19,6 +19,7 @@ from taskspec.language.modifiers.core import remembers_what_is_told
 from taskspec.language.task.parts import Component, Symmetry
 from taskspec.language.task.task import Task
 
+SomeNode = TypeVar("SomeNode", bound=Node)
 NodeRule = tuple[str, Callable[[Node], bool]]
 TaskRule = tuple[str, Callable[[Task], bool]]
 
@@ -32,15 +33,15 @@ OF_NODES: tuple[NodeRule, ...] = (
     ("an operator is in one of the two tables", lambda n: not isinstance(n, Apply) or (n.op in OPERATORS) ^ (n.op in STRUCTURES)),
     ("the type of an operation follows its rule", lambda n: not isinstance(n, Apply) or _ruled(n)),
     ("an operation without arguments does not exist", lambda n: not isinstance(n, Apply) or len(n.args) > 0),
-    ("static values are ints", lambda n: not isinstance(n, Apply) or all(type(v) is int for v in n.static)),
+    ("static values are ints", lambda n: not isinstance(n, Apply) or set(map(type, n.static)) <= {int}),
     ("a draw is of a base variate, and of its kind", lambda n: not isinstance(n, Draw) or VARIATES[n.base].kind is n.type.kind),
     ("variables of comprehensions and functions are expanded", lambda n: getattr(n, "role", None) is not Role.VARIABLE),
 )  # fmt: skip
 
 OF_TASKS: tuple[TaskRule, ...] = (
     ("there is a state and an action", lambda t: bool(t.state and t.action)),
-    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action, *kept(t)))),
-    ("no two observed components have one name", lambda t: _distinct(c.name for c in t.observation.components)),
+    ("no two components have one name", lambda t: _distinct(_names((*t.state, *t.action, *kept(t))))),
+    ("no two observed components have one name", lambda t: _distinct(_names(t.observation.components))),
     ("bounds have one number for each element, low first", lambda t: all(map(_bounded, components(t)))),
     ("each state component has a first value of its type", lambda t: _typed(t.process.initial, t.state)),
     ("each state component has a next value of its type", lambda t: _typed(t.process.next, t.state)),
@@ -55,16 +56,16 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
     ("the absorbing reward reads state and time", lambda t: _roles([t.process.absorbing_reward]) <= _PRESENT),
     ("the absorbing reward draws nothing", lambda t: not draws([t.process.absorbing_reward])),
-    ("each component of a memory has values of its type", lambda t: all(_typed(nodes, kept(t)) for nodes in memories(t))),
+    ("each component of a memory has values of its type", lambda t: _typed(memory(t), kept(t) * 2)),
     ("a memory reads what is seen, and later itself, action and time", lambda t: remembers_what_is_told(t)),
-    ("a memory draws nothing", lambda t: not draws(n for nodes in memories(t) for n in nodes)),
+    ("a memory draws nothing", lambda t: not draws(memory(t))),
     ("a symmetry maps what is seen, or the action, and draws nothing", lambda t: all(map(_mapped, t.annotations.symmetries))),
-    ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action, *kept(t))), "t"}),
-    ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
-    ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
-    ("an index is certain to lie in its vector", lambda t: all(_certain(t, *found) for found in _indices(t))),
-    ("a draw of an index has one value to draw from at least", lambda t: all(_certain(t, *found) for found in _counts(t))),
-    ("a state int is certain to keep to its range", lambda t: all(_certain(t, *found) for found in _kept(t))),
+    ("what is read is a component", lambda t: _read(t) <= {*_names((*t.state, *t.action, *kept(t))), "t"}),
+    ("a site of a draw is one node", lambda t: _distinct(map(_site, _nodes(t, Draw)))),
+    ("equal operations are one node", lambda t: _distinct(map(_key, _nodes(t, Apply)))),
+    ("an index is certain to lie in its vector", lambda t: _certain(_indices(t))),
+    ("a draw of an index has one value to draw from at least", lambda t: _certain(_counts(t))),
+    ("a state int is certain to keep to its range", lambda t: _certain(_kept(t))),
     ("a horizon has a step at least", lambda t: t.horizon is None or t.horizon >= 1),
     ("the discount is between 0 and 1", lambda t: 0 <= t.discount <= 1),
 )  # fmt: skip
@@ -86,9 +87,9 @@ def kept(task: Task) -> tuple[Component, ...]:
     return () if task.annotations.memory is None else task.annotations.memory.components
 
 
-def memories(task: Task) -> tuple[tuple[Node, ...], ...]:
-    """Return first and next values of what the expert remembers."""
-    return () if task.annotations.memory is None else (task.annotations.memory.initial, task.annotations.memory.next)
+def memory(task: Task) -> tuple[Node, ...]:
+    """Return first and then next values of what the expert remembers."""
+    return () if task.annotations.memory is None else (*task.annotations.memory.initial, *task.annotations.memory.next)
 
 
 def drawn(task: Task) -> tuple[Node, ...]:
@@ -103,10 +104,16 @@ def components(task: Task) -> tuple[Component, ...]:
 
 def broken(task: Task) -> Iterator[str]:
     """Yield the rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
-    maps = (n for each in task.annotations.symmetries for n in each.nodes)
-    for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes), *maps)):
-        yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
-    yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
+    nodes = [*roots(task), *memory(task)]
+    for symmetry in task.annotations.symmetries:
+        nodes += symmetry.nodes
+    for node in walk(nodes):
+        for rule, holds in OF_NODES:
+            if not holds(node):
+                yield f"{rule}: {node!r}"
+    for rule, holds_of_task in OF_TASKS:
+        if not holds_of_task(task):
+            yield f"{rule}: {task!r}"
 
 
 def checked(make: Callable[..., Task]) -> Callable[..., Task]:
@@ -151,39 +158,63 @@ def _roles(nodes: Iterable[Node]) -> set[Role]:
 
 def _mapped(symmetry: Symmetry) -> bool:
     seen = {(Role.NEXT, c.name) for c in symmetry.seen}
-    alone = reads(symmetry.observation) <= seen and {role for role, _ in reads(symmetry.action)} <= {Role.ACTION}
+    alone = reads(symmetry.observation) <= seen and _roles(symmetry.action) <= {Role.ACTION}
     typed = _typed(symmetry.observation, symmetry.components)
     return typed and alone and not draws(symmetry.nodes)
 
 
-def _certain(task: Task, node: Node, low: float, high: float) -> bool:
-    least, most = interval.certain(node, {})
-    return low <= least and most <= high
+Range = tuple[Node, float, float]
+"""A node, and the range that its value must keep to."""
 
 
-def _indices(task: Task) -> Iterator[tuple[Node, float, float]]:
-    """Yield every index of a vector, and the range that it must keep to."""
+def _certain(ranges: Iterable[Range]) -> bool:
+    for node, low, high in ranges:
+        least, most = interval.certain(node, {})
+        if least < low or high < most:
+            return False
+    return True
+
+
+def _nodes(task: Task, kind: type[SomeNode]) -> Iterator[SomeNode]:
     for node in walk(roots(task)):
-        if isinstance(node, Apply) and node.op in _INDICES:
-            yield from ((node.args[i], 0, node.args[0].type.shape[0] - 1) for i in _INDICES[node.op])
+        if isinstance(node, kind):
+            yield node
+
+
+def _indices(task: Task) -> Iterator[Range]:
+    """Yield every index of a vector."""
+    for node in _nodes(task, Apply):
+        for i in _INDICES.get(node.op, ()):
+            yield node.args[i], 0, node.args[0].type.shape[0] - 1
 
 
 _INDICES = {"index": (1,), "put": (1,), "swap": (1, 2)}
 """Which arguments of an operator say where in the first one."""
 
 
-def _counts(task: Task) -> Iterator[tuple[Node, float, float]]:
-    return ((n.args[0], 1, INT_MAX) for n in walk(roots(task)) if isinstance(n, Draw) and n.base == "index")
+def _counts(task: Task) -> Iterator[Range]:
+    for node in _nodes(task, Draw):
+        if node.base == "index":
+            yield node.args[0], 1, INT_MAX
 
 
-def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
+def _kept(task: Task) -> Iterator[Range]:
     for nodes in (task.process.initial, task.process.next):
-        pairs = zip(task.state, nodes, strict=True)
-        yield from ((n, c.least, c.most) for c, n in pairs if c.type.kind is Kind.INT)
+        for component, node in zip(task.state, nodes, strict=True):
+            if component.type.kind is Kind.INT:
+                yield node, component.least, component.most
 
 
-def _names(task: Task) -> set[str]:
+def _names(components: Iterable[Component]) -> list[str]:
+    return [component.name for component in components]
+
+
+def _read(task: Task) -> set[str]:
     return {name for role, name in reads(roots(task)) if role is not Role.PARAMETER}
+
+
+def _site(node: Draw) -> int:
+    return node.site
 
 
 def _key(node: Apply) -> tuple[str, tuple[int, ...], Type, tuple[int, ...]]:

@@ -31,11 +31,8 @@ def homogeneous(first: Any, second: Any) -> bool:
     """Whether two samples of hashable outcomes may come from one distribution."""
     one = Counter(first)
     two = Counter(second)
-    outcomes = sorted(one.keys() | two.keys())
-    if len(outcomes) == 1:
-        return True
-    table = [[counts[outcome] for outcome in outcomes] for counts in (one, two)]
-    return bool(stats.chi2_contingency(table).pvalue > ALPHA)
+    table = [(one[outcome], two[outcome]) for outcome in one | two]
+    return len(table) == 1 or bool(stats.chi2_contingency(table).pvalue > ALPHA)
 
 
 def fits(sample: Any, probabilities: Any) -> bool:

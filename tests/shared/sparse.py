@@ -8,7 +8,9 @@ import pytest
 
 def sparse(cases: Iterable[Any], every: int) -> list[Any]:
     """Every so many-th case; those between are slow."""
-    return [
-        pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=[pytest.mark.slow] if k % every else [])
-        for k, case in enumerate(cases)
-    ]
+    marked = []
+    for k, case in enumerate(cases):
+        values = case if isinstance(case, tuple) else (case,)
+        marks = [pytest.mark.slow] if k % every else []
+        marked.append(pytest.param(*values, marks=marks))
+    return marked

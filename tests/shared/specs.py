@@ -44,17 +44,24 @@ def varied_files() -> list[Path]:
     return [spec_file(name) for name in VARIED]
 
 
+def suite_ids(*suites: str) -> list[str]:
+    """The ids of shipped tasks of some suites."""
+    return [name for name in task_ids() if name.partition("/")[0] in suites]
+
+
 def paper_ids() -> list[str]:
     """The ids of the suites that follow the paper and its code."""
-    return [name for name in task_ids() if name.partition("/")[0] in PAPER]
+    return suite_ids(*PAPER)
 
 
 def specs(*patterns: str) -> list[Path]:
     """The specs that patterns of paths, from the root of the repository, lead to; sorted."""
-    found = (path for pattern in patterns for path in ROOT.glob(pattern))
-    return sorted(
-        path for path in found if source.kind_of_text(path.read_text(encoding="utf-8", errors="replace")) == "taskspec"
-    )
+    found = []
+    for pattern in patterns:
+        for path in ROOT.glob(pattern):
+            if source.kind_of_text(path.read_text(encoding="utf-8", errors="replace")) == "taskspec":
+                found.append(path)
+    return sorted(found)
 
 
 def tasks_of(path: Path) -> tuple[Task, ...]:

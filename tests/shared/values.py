@@ -10,13 +10,13 @@ from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.types import Kind, Type
 
 BACKENDS = ("numpy", "numba", "jax")
-SLOWLY = ("numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))
+SLOWLY = ("numpy", pytest.param("numba", marks=pytest.mark.slow), pytest.param("jax", marks=pytest.mark.slow))
+KINDS = {bool: Kind.BOOL, int: Kind.INT}
 
 
 def kind_of(value: Any) -> Kind:
     values = value if isinstance(value, tuple) else (value,)
-    kinds = [Kind.BOOL if isinstance(v, bool) else Kind.INT if isinstance(v, int) else Kind.REAL for v in values]
-    return max(kinds)
+    return max(KINDS.get(type(v), Kind.REAL) for v in values)
 
 
 def type_of(value: Any) -> Type:

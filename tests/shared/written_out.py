@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -27,28 +27,19 @@ class Table:
     ends: frozenset[int]
 
     def spec(self, seen: str = "") -> str:
-        labels = [f"q{s}" for s in range(self.states)]
-
-        def chances(found: dict[int, Fraction]) -> str:
-            return "{" + ", ".join(f"q{s}: {p}" for s, p in found.items()) + "}"
-
-        leads = "".join(
-            f"      q{s}: {{{', '.join(f'a{a}: {chances(self.leads[s, a])}' for a in range(self.actions))}}}\n"
-            for s in range(self.states)
-        )
-        pays = "".join(
-            f"    q{s}:\n"
-            + "".join(
-                f"      a{a}: {{{', '.join(f'q{n}: {self.pays[s, a, n]}' for n in range(self.states))}}}\n"
-                for a in range(self.actions)
-            )
-            for s in range(self.states)
-        )
+        leads = ""
+        pays = ""
+        for s in range(self.states):
+            leads += f"      q{s}:\n"
+            pays += f"    q{s}:\n"
+            for a in range(self.actions):
+                leads += f"        a{a}: {_written(self.leads[s, a])}\n"
+                pays += f"      a{a}: {_written({n: self.pays[s, a, n] for n in range(self.states)})}\n"
         ends = " or ".join(f"s' == q{s}" for s in sorted(self.ends)) or "false"
         return (
-            f"taskspec: 1\nname: Random\nstate:\n  s: {{type: choice, values: [{', '.join(labels)}]}}\n"
-            f"action:\n  a: {{type: choice, values: [{', '.join(f'a{a}' for a in range(self.actions))}]}}\n"
-            f"horizon: {self.horizon}\ndiscount: {self.discount}\ninitial:\n  s: {chances(self.start)}\n"
+            f"taskspec: 1\nname: Random\nstate:\n  s: {{type: choice, values: [{_names('q', self.states)}]}}\n"
+            f"action:\n  a: {{type: choice, values: [{_names('a', self.actions)}]}}\n"
+            f"horizon: {self.horizon}\ndiscount: {self.discount}\ninitial:\n  s: {_written(self.start)}\n"
             f"dynamics:\n  s':\n    by: [s, a]\n    rows:\n{leads}"
             f"reward:\n  by: [s, a, s']\n  rows:\n{pays}terminal: {ends}\n{seen}"
         )
@@ -74,7 +65,10 @@ class Table:
             yield dict(zip(places, choice, strict=True))
 
     def returned(self, steps: list[tuple[int, int, int, int]]) -> Fraction:
-        return sum((self.discount**t * step[3] for t, step in enumerate(steps)), Fraction(0))
+        total = Fraction(0)
+        for t, (_, _, _, reward) in enumerate(steps):
+            total += self.discount**t * reward
+        return total
 
     def expected(self, policy: dict[tuple[int, int], int], state: int, t: int = 0) -> Fraction:
         """The return of a policy from a state."""
@@ -86,14 +80,22 @@ class Table:
         return total
 
 
+def _names(letter: str, count: int) -> str:
+    return ", ".join(f"{letter}{i}" for i in range(count))
+
+
+def _written(values: Mapping[int, Fraction | int]) -> str:
+    """A row of a table in YAML, by state."""
+    return "{" + ", ".join(f"q{s}: {value}" for s, value in values.items()) + "}"
+
+
 def tables() -> Iterator[Table]:
     rng = np.random.default_rng(3)
     for i in range(12):
         states, actions, horizon = (3, 2, 3) if i % 2 else (2, 2, 4)
-        pairs = list(product(range(states), range(actions)))
-        leads = {pair: somewhere(rng, states) for pair in pairs}
+        leads = {pair: somewhere(rng, states) for pair in product(range(states), range(actions))}
         rewards = rng.integers(-1, 3, (states, actions, states)) * rng.integers(2, size=(states, actions, states))
-        pays = {(s, a, n): int(rewards[s, a, n]) for (s, a), n in product(pairs, range(states))}
+        pays = {(s, a, n): int(reward) for (s, a, n), reward in np.ndenumerate(rewards)}
         start = {0: Fraction(1)} if i % 3 else {0: Fraction(1, 3), 1: Fraction(2, 3)}
         ends = frozenset({states - 1}) if i % 4 >= 2 else frozenset()
         yield Table(states, actions, horizon, (Fraction(1), HALF)[i % 5 == 0], start, leads, pays, ends)
@@ -101,8 +103,8 @@ def tables() -> Iterator[Table]:
 
 def somewhere(rng: np.random.Generator, states: int) -> dict[int, Fraction]:
     """One next state, or two with unequal odds."""
-    places = [int(place) for place in rng.permutation(states)]
-    return {places[0]: Fraction(1)} if rng.integers(2) else {places[0]: Fraction(1, 4), places[1]: Fraction(3, 4)}
+    first, second = rng.permutation(states)[:2].tolist()
+    return {first: Fraction(1)} if rng.integers(2) else {first: Fraction(1, 4), second: Fraction(3, 4)}
 
 
 TABLES = list(tables())
@@ -112,8 +114,10 @@ def best_from(table: Table, state: int, t: int = 0) -> Fraction:
     """The optimal return from a state, by going through what every action leads to."""
     if t == table.horizon or (t and state in table.ends):
         return Fraction(0)
-    return max(
-        sum((p * (table.pays[state, a, n] + table.discount * best_from(table, n, t + 1))
-             for n, p in table.leads[state, a].items()), Fraction(0))
-        for a in range(table.actions)
-    )  # fmt: skip
+    values = []
+    for a in range(table.actions):
+        value = Fraction(0)
+        for n, p in table.leads[state, a].items():
+            value += p * (table.pays[state, a, n] + table.discount * best_from(table, n, t + 1))
+        values.append(value)
+    return max(values)
