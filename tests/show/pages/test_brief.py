@@ -1,8 +1,6 @@
 """`docs --brief`: what defines the tasks of the paper, on about as many pages as the paper took."""
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -14,18 +12,21 @@ from taskspec.language.task.build import build
 from taskspec.show.pages.facts import Facts
 from taskspec.show.pages.page import families
 from taskspec.show.pages.write import gather_pages, write
+from tests.shared import paper
 from tests.shared.commands import Done
+from tests.shared.paper import TEX
 from tests.shared.specs import spec_file
 
 PAPER = [
-    "RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Parabola", "LargestSum", "InitShiftExpert", "InitShiftLearner",
-    "ProcGoal", "Sort", "NoisyObs", "Branching",
+    "derail/RiskyPath-v0", "derail/EarlyTermPos-v0", "derail/EarlyTermNeg-v0", "derail/Parabola-v0",
+    "derail/LargestSum-v0", "derail/InitShiftExpert-v0", "derail/InitShiftLearner-v0", "derail/ProcGoal-v0",
+    "derail/Sort-v0", "derail/NoisyObs-v0", "derail/Branching-v0",
 ]  # fmt: skip
 
 
 def test_tasks_of_one_spec_share_a_section_that_says_what_differs(tmp_path: Path) -> None:
-    facts = {f"derail/{name}-v0": Facts({"optimal return": Return(i)}) for i, name in enumerate(PAPER)}
-    write([f"derail/{name}" for name in PAPER], ["latex"], tmp_path, brief=True, facts=facts)
+    facts = {name: Facts({"optimal return": Return(i)}) for i, name in enumerate(PAPER)}
+    write(PAPER, ["latex"], tmp_path, brief=True, facts=facts)
     assert not (tmp_path / "early-term-neg.tex").exists()
     text = (tmp_path / "early-term-pos.tex").read_text()
     assert r"\texttt{EarlyTermPos}, \texttt{EarlyTermNeg}: Early termination}" in text
@@ -39,12 +40,15 @@ def test_tasks_of_one_spec_share_a_section_that_says_what_differs(tmp_path: Path
 
 @pytest.mark.parametrize("name", PAPER)
 def test_what_defines_a_task_is_there_and_nothing_else(name: str) -> None:
-    long, brief = (gather_pages([load(f"derail/{name}")], brief=short).pages[0] for short in (False, True))
-    kept = {section.key: section for section in brief.sections}
-    assert {"state", "actions", "horizon", "dynamics", "rewards", "initial"} <= kept.keys()
-    assert not kept.keys() & {"claims", "examples", "errata", "sources", "expert", "abstraction"}
-    assert all(long.section(key) == section for key, section in kept.items())
-    assert ("observations" in kept) == (name == "NoisyObs")
+    (long,) = gather_pages([load(name)]).pages
+    (brief,) = gather_pages([load(name)], brief=True).pages
+    for key in ("state", "actions", "horizon", "dynamics", "rewards", "initial"):
+        assert brief.section(key) is not None
+    for key in ("claims", "examples", "errata", "sources", "expert", "abstraction"):
+        assert brief.section(key) is None
+    for section in brief.sections:
+        assert long.section(section.key) == section
+    assert (brief.section("observations") is not None) == (name == "derail/NoisyObs-v0")
     assert long.description and not brief.description
 
 
@@ -63,16 +67,16 @@ def test_no_sign_stands_alone_after_a_table_or_a_formula_on_a_line_of_its_own(tm
 
 def test_no_sign_ends_a_map(tmp_path: Path) -> None:
     write([spec_file("frozen_lake")], ["latex"], tmp_path, brief=True)
-    (text,) = (path.read_text(encoding="utf-8") for path in tmp_path.glob("*.tex") if "ttfamily" in path.read_text())
+    text = (tmp_path / "frozen-lake.tex").read_text(encoding="utf-8")
     assert re.search(r"\\par\{\\ttfamily .*\}\\par$", text, re.MULTILINE)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
+@TEX
 @pytest.mark.usefixtures("kept_log")
 def test_the_tasks_of_the_paper_take_three_pages_at_most(tmp_path: Path) -> None:
-    Done("docs", *(f"derail/{name}" for name in PAPER), "-f", "pdf", "-o", tmp_path)
-    said = subprocess.run(["pdfinfo", tmp_path / "document.pdf"], capture_output=True, text=True, check=True).stdout
+    Done("docs", *PAPER, "-f", "pdf", "-o", tmp_path)
+    said = paper.about(tmp_path / "document.pdf")
     assert 0 < int(re.findall(r"Pages:\s+(\d+)", said)[0]) <= 3
     assert "Overfull" not in (tmp_path / "document.log").read_text(errors="replace")
 
@@ -95,13 +99,15 @@ variants:
 
 def test_each_task_is_told_by_the_one_that_it_differs_least_from(tmp_path: Path) -> None:
     text = read_text(FAMILY, "family.yaml")
-    tasks = [build(text, variant=name) for name in (None, "Other", "Third")]
+    tasks = [build(text), build(text, variant="Other"), build(text, variant="Third")]
     [family] = families(gather_pages(tasks, brief=True).pages)
-    told = [(x.page.name, x.base.name, [(s.key, len(s.lines)) for s in x.page.sections]) for x in family.others]
-    assert told == [
-        ("FirstOther", "First", [("horizon", 1), ("rewards", 1), ("termination", 1)]),
-        ("FirstThird", "FirstOther", [("horizon", 1)]),
-    ]  # fmt: skip
+    told = {}
+    for each in family.others:
+        told[each.page.name, each.base.name] = {section.key: len(section.lines) for section in each.page.sections}
+    assert told == {
+        ("FirstOther", "First"): {"horizon": 1, "rewards": 1, "termination": 1},
+        ("FirstThird", "FirstOther"): {"horizon": 1},
+    }
     write(tasks, ["latex"], tmp_path, brief=True)
     printed = (tmp_path / "first.tex").read_text()
     assert r"\item[Termination] none." in printed and r"\texttt{FirstThird}, as \texttt{FirstOther}:" in printed
@@ -114,7 +120,6 @@ def test_each_task_is_told_by_the_one_that_it_differs_least_from(tmp_path: Path)
 def test_more_than_three_tasks_on_paper_are_brief(
     tasks: int, options: tuple[str, ...], brief: bool, tmp_path: Path
 ) -> None:
-    names = [f"derail/{name}" for name in PAPER[:tasks]]
-    assert Done("docs", *names, "-f", "latex", *options, "--no-results", "-o", tmp_path).status == 0
+    assert Done("docs", *PAPER[:tasks], "-f", "latex", *options, "--no-results", "-o", tmp_path).status == 0
     text = (tmp_path / "risky-path.tex").read_text(encoding="utf-8")
     assert (r"\item Expert" not in text) is brief

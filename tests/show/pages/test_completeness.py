@@ -1,12 +1,12 @@
 """What pages must not leave out: figures without text, open claims, discounts, who acts where."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.shared.commands import Done, spec
+from tests.shared.paper import TEX
 
 WALK = """\
 taskspec: 1
@@ -42,7 +42,7 @@ def pages(folder: Path, text: str, *options: object) -> Path:
     return folder / "out"
 
 
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
+@TEX
 @pytest.mark.parametrize("brief", [False, True])
 def test_a_variant_with_another_figure_alone(brief: bool, tmp_path: Path) -> None:
     text = WALK + "variants: {table: {figure: {kind: matrix}}}\n"

@@ -1,8 +1,6 @@
 """Figures drawn from tasks: what they show, in every format, and a frame for every state of every task."""
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,10 +21,11 @@ from taskspec.show.figures.vector_formats import svg
 from taskspec.show.pages import gather, write
 from taskspec.show.pages.page import anchor
 from tests.shared.for_each import for_each
+from tests.shared.paper import TEX, compiled
 from tests.shared.scenes import boxes, circles, lines, outside, places, words
-from tests.shared.specs import spec_file, varied_files, without_figure
+from tests.shared.specs import spec_file, suite_ids, varied_files, without_figure
 
-IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
+IDS = suite_ids("derail")
 SPECS = varied_files()
 
 
@@ -235,18 +234,15 @@ def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
     assert not np.array_equal(a, b)
 
 
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
+@TEX
 def test_tikz_stands_alone(tmp_path: Path) -> None:
     """A figure's file needs tikz, amsmath and xcolor, nothing else of ours."""
     inputs = ""
     for name in ("RiskyPath", "Branching", "NoisyObs", "Parabola", "Sort"):
         figure(task(name), tmp_path / f"{name}.tex")
         inputs += rf"\input{{{name}}}\par"
-    source = rf"\documentclass{{article}}\usepackage{{amsmath,amssymb,xcolor,tikz}}\begin{{document}}{inputs}\end{{document}}"
-    (tmp_path / "all.tex").write_text(source, encoding="utf-8")
-    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-2000:]
+    packages = r"\usepackage{amsmath,amssymb,xcolor,tikz}"
+    compiled(tmp_path, rf"\documentclass{{article}}{packages}\begin{{document}}{inputs}\end{{document}}")
 
 
 def test_cells_of_ints_show_ints() -> None:

@@ -10,49 +10,39 @@ from pathlib import Path
 import pytest
 
 from taskspec.show.pages.write import write
+from tests.shared import paper
+from tests.shared.paper import TEX
+from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[3]
-FOREIGN = [
-    *sorted((ROOT / "tests" / "specs").rglob("*.yaml")),
-    *(ROOT / "tasks" / f"{name}.yaml" for name in (
-        "pomdp/rock_sample", "pomdp/shuttle", "pomdp/tiger", "toy_text/taxi", "toy_text/blackjack", "toy_text/frozen_lake",
-        "memory/battleship", "memory/higher_lower", "memory/minesweeper", "planning/hanoi", "planning/key_door",
-        "planning/river_crossing", "planning/tic_tac_toe", "operations/epidemic", "operations/inventory", "irl/two_goals",
-        "textbook/random_walk", "safety/off_switch", "bsuite/umbrella",
-    )),
-]  # fmt: skip
+NAMES = (
+    "rock_sample", "shuttle", "tiger", "taxi", "blackjack", "frozen_lake", "battleship", "higher_lower", "minesweeper",
+    "hanoi", "key_door", "river_crossing", "tic_tac_toe", "epidemic", "inventory", "two_goals", "random_walk", "off_switch",
+    "umbrella",
+)  # fmt: skip
+FOREIGN = [*sorted((ROOT / "tests" / "specs").rglob("*.yaml")), *map(spec_file, NAMES)]
 LEAST = 0.45
 """The share of its height to which every page but the last is filled."""
 
 
-def filled(path: Path) -> list[float]:
-    """How far down each page the last words of its text are, as shares of its height."""
-    command = ["pdftotext", "-bbox", str(path), "-"]
-    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    found = []
-    for page in text.split("<page ")[1:]:
-        height = float(re.findall(r'height="([\d.]+)"', page)[0])
-        ends = [float(y) / height for y in re.findall(r'yMax="([\d.]+)"', page)]
-        number = max(ends)  # of the page, below the text
-        found.append(max(end for end in ends if end < number - 0.01))
-    return found
-
-
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdftotext") is None, reason="no TeX")
+@TEX
 @pytest.mark.usefixtures("kept_log")
 def test_pages_of_foreign_specs_are_full_and_nothing_runs_off_them(tmp_path: Path) -> None:
     assert len(FOREIGN) >= 30
     path = write(FOREIGN, ["pdf"], tmp_path)[-1]
     assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
-    ends = filled(path)
-    assert max(ends) < 0.95
-    assert [(i, end) for i, end in enumerate(ends[:-2], start=1) if end < LEAST] == []
+    pages = paper.pages(path)
+    for number, page in enumerate(pages, start=1):
+        ends = page.bottom / page.height
+        last = ends[ends < ends.max() - 0.01].max()  # above the number of the page
+        assert last < 0.95, number
+        assert last >= LEAST or number > len(pages) - 2, number
 
 
 def test_wide_formulas_can_break_into_lines_on_small_screens(tmp_path: Path) -> None:
     """A formula that is decided case by case is a grid of cells, and one in brackets is cut at its signs."""
-    write([ROOT / "tasks" / f"{name}.yaml" for name in ("pomdp/tiger", "toy_text/taxi")], ["html"], tmp_path)
+    write([spec_file("tiger"), spec_file("taxi")], ["html"], tmp_path)
     tiger = (tmp_path / "tiger.html").read_text(encoding="utf-8")
     reward = tiger.partition('id="rewards"')[2].partition("</dd>")[0]
     grid = re.findall(r'<span class="split" role="math" aria-label="R\(tiger, a\) = \{ −1 if a = listen;[^"]*"', reward)

@@ -21,27 +21,50 @@ from taskspec.language.task.parts import Claim
 from taskspec.show.pages import claims
 from taskspec.show.pages.equations import Writing
 from taskspec.show.pages.facts import Facts, gather, number
-from taskspec.show.pages.page import page
+from taskspec.show.pages.page import Page, page
 from taskspec.show.pages.prose import Formula, Inlines, Mark, Text
+from taskspec.show.pages.sections import Section
 from taskspec.show.pages.write import write
 from taskspec.show.printers import plain
 from taskspec.show.printers.names import nowhere
 from tests.shared.commands import Done
 from tests.shared.for_each import for_each
+from tests.shared.walks import BASE
 
 ROOT = Path(__file__).parents[3]
 
 
 def words(content: Inlines) -> str:
-    return "".join(
-        plain(p.math) if isinstance(p, Formula) else p.text if isinstance(p, Text | Mark) else "" for p in content
-    )
+    told = ""
+    for part in content:
+        match part:
+            case Formula(math=math):
+                told += plain(math)
+            case Text(text=text) | Mark(text=text):
+                told += text
+    return told
 
 
-def lines(name: str, key: str, **parameters: object) -> list[str]:
-    section = page(registry.load(f"derail/{name}-v0", **parameters)).section(key)
-    assert section is not None
-    return [words(line.content) for line in section.lines]
+def section(found: Page, key: str) -> Section:
+    chosen = found.section(key)
+    assert chosen is not None
+    return chosen
+
+
+def lines(found: Page, key: str) -> list[str]:
+    return [words(line.content) for line in section(found, key).lines]
+
+
+def values(found: Page, key: str) -> list[str]:
+    """What stands beside the first line of a section."""
+    return list(map(words, section(found, key).lines[0].values))
+
+
+def rows(found: Page) -> list[list[str]]:
+    """The table of scores and claims."""
+    table = section(found, "scores").table
+    assert table is not None
+    return [list(map(words, row)) for row in table.rows]
 
 
 @for_each(
@@ -83,16 +106,15 @@ def lines(name: str, key: str, **parameters: object) -> list[str]:
     ],
 )  # fmt: skip
 def test_what_the_paper_states_is_stated(name: str, key: str, expected: str) -> None:
-    found = lines(name, key)
-    assert any(expected.replace("𝒮", "S") in line for line in found), found
+    found = lines(page(registry.load(f"derail/{name}-v0")), key)
+    assert expected.replace("𝒮", "S") in "\n".join(found), found
 
 
 def test_a_bound_for_each_element_is_a_set_for_each() -> None:
     text = (ROOT / "docs" / "howto" / "grids.md").read_text(encoding="utf-8")
     spec = text[text.index("taskspec: 1") :].partition("```")[0]
-    section = page(build(read_text(spec, "<test>"))).section("state")
-    assert section is not None
-    assert words(section.lines[0].content) == "S = {0, … , rows − 1} × {0, … , columns − 1}"
+    found = lines(page(build(read_text(spec, "<test>"))), "state")
+    assert found[0] == "S = {0, … , rows − 1} × {0, … , columns − 1}"
 
 
 @pytest.mark.parametrize(
@@ -102,20 +124,17 @@ def test_a_bound_for_each_element_is_a_set_for_each() -> None:
 def test_sets_of_at_most_four_numbers_are_written_out(low: int, high: int, expected: str) -> None:
     spec = f"""{{taskspec: 1, name: Few, state: {{s: {{type: int, low: {low}, high: {high}}}}},
     action: {{a: {{type: bool}}}}, horizon: 3, initial: {{s: 0}}, dynamics: {{"s'": 0}}, reward: a}}"""
-    section = page(build(read_text(spec, "<test>"))).section("state")
-    assert section is not None
-    assert words(section.lines[0].content) == f"s ∈ S = {expected}"
+    assert lines(page(build(read_text(spec, "<test>"))), "state")[0] == f"s ∈ S = {expected}"
 
 
 def test_pages_do_not_take_each_others_files(tmp_path: Path) -> None:
-    text = "taskspec: 1\nname: NAME\nstate: {s: {type: bool}}\naction: {a: {type: bool}}\nhorizon: 3\ninitial: {s: false}\n"
-    names = ["Ä", "Ö", "Index", "deepSea", "DeepSea"]
-    built = [build(read_text(text.replace("NAME", n) + "dynamics: {s': a}\nreward: s\n", "<test>")) for n in names]
-    files = {path.name: path.read_text(encoding="utf-8") for path in write(built, ["html"], tmp_path)}
-    for name, anchor in zip(names, ["task", "task-2", "index-2", "deep-sea", "deep-sea-2"], strict=True):
+    anchors = {"Ä": "task", "Ö": "task-2", "Index": "index-2", "deepSea": "deep-sea", "DeepSea": "deep-sea-2"}
+    tasks = [build(read_text(BASE.replace("Walk", name), "<test>")) for name in anchors]
+    files = {path.name: path.read_text(encoding="utf-8") for path in write(tasks, ["html"], tmp_path)}
+    for name, anchor in anchors.items():
         assert name in files[f"{anchor}.html"]
         assert f'href="{anchor}.html"' in files["index.html"]
-    assert len(files) == len(names) + 1
+    assert len(files) == len(anchors) + 1
 
 
 def test_sections_are_in_the_order_of_the_paper() -> None:
@@ -126,21 +145,20 @@ def test_sections_are_in_the_order_of_the_paper() -> None:
 
 def test_values_stand_beside_the_symbols() -> None:
     found = page(registry.load("derail/Branching-v0"), columns=[{"L": 5, "B": 3}, {"L": 2}])
-    state = found.section("state")
-    assert state is not None
     assert [s.title for s in found.settings] == ["L = 5, B = 3", "L = 2"]
-    assert [words(v) for v in state.lines[0].values] == ["S = {0, … , 15}", "S = {0, … , 4}"]
-    horizon = found.section("horizon")
-    assert horizon is not None
-    assert [words(v) for v in horizon.lines[0].values] == ["5", "2"]
+    assert values(found, "state") == ["S = {0, … , 15}", "S = {0, … , 4}"]
+    assert values(found, "horizon") == ["5", "2"]
 
 
 def test_only_lines_whose_value_changes_have_values_beside_them() -> None:
     found = page(registry.load("derail/NoisyObs-v0"), columns=[{"L": 5}])
-    changed = {(s.key, words(v)) for s in found.sections for line in s.lines for v in line.values if v}
-    keys = {key for key, _ in changed}
-    assert ("observations", "z ∼ (N(0, 1))⁵") in changed
-    assert not keys & {"state", "dynamics", "rewards", "initial", "expert"}  # these depend on M alone
+    changed: dict[str, list[str]] = {}
+    for each in found.sections:
+        for line in each.lines:
+            changed.setdefault(each.key, []).extend(map(words, line.values))
+    assert "z ∼ (N(0, 1))⁵" in changed["observations"]
+    for key in ("state", "dynamics", "rewards", "initial", "expert"):  # these depend on M alone
+        assert not any(changed[key])
 
 
 def test_a_setting_that_is_the_tasks_own_is_not_shown_twice(tmp_path: Path) -> None:
@@ -157,30 +175,25 @@ def test_a_setting_that_is_the_tasks_own_is_not_shown_twice(tmp_path: Path) -> N
 def test_scores_claims_and_figure_are_those_of_the_values(tmp_path: Path) -> None:
     task = registry.load("derail/Branching-v0")
     found = page(task, gather(task), [{"L": 3, "B": 3}, {"L": 4, "Q": 1}])
-    scores = found.section("scores")
-    assert scores is not None and scores.table is not None and scores.title == "Exact scores and claims"
-    rows = {words(row[0]): [words(cell) for cell in row[1:]] for row in scores.table.rows}
+    scores = section(found, "scores")
+    assert scores.table is not None and scores.title == "Exact scores and claims"
     assert scores.table.header == ("", "L = 10, B = 2", "L = 3, B = 3", "L = 4")
-    assert rows["random return"] == [f"{2**-10}", "1/27", f"{2**-4}"]
-    assert rows["reachable states"] == ["21", "10", "9"]
-    assert rows["random return = B^(−L)"] == ["proved", "proved", "proved"]
+    assert ["random return", f"{2**-10}", "1/27", f"{2**-4}"] in rows(found)
+    assert ["reachable states", "21", "10", "9"] in rows(found)
+    assert ["random return = B^(−L)", "proved", "proved", "proved"] in rows(found)
     write([task], ["svg", "markdown"], tmp_path, columns=[{"L": 3, "B": 3}])
     assert ">9<" in (tmp_path / "figures" / "branching-l-3-b-3.svg").read_text()
     assert "figures/branching-l-3-b-3.svg" in (tmp_path / "branching.md").read_text()
 
 
 def test_values_may_be_given_by_their_alias() -> None:
-    found = page(registry.load("derail/NoisyObsSeals-v0"), columns=[{"noise_length": 5}])
-    assert [(s.title, s.task.values["L"]) for s in found.settings] == [("L = 5", 5)]
+    (setting,) = page(registry.load("derail/NoisyObsSeals-v0"), columns=[{"noise_length": 5}]).settings
+    assert (setting.title, setting.task.values["L"]) == ("L = 5", 5)
 
 
 def test_a_claim_about_the_defaults_is_not_called_false_elsewhere() -> None:
     task = registry.load("derail/NoisyObs-v0")
-    stated = page(task, gather(task), [{"M": 3}]).section("scores")
-    assert stated is not None and stated.table is not None
-    assert ["optimal return = 12", "proved", "not for these values"] in [
-        [*map(words, row)] for row in stated.table.rows
-    ]
+    assert ["optimal return = 12", "proved", "not for these values"] in rows(page(task, gather(task), [{"M": 3}]))
 
 
 def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> None:
@@ -191,28 +204,21 @@ def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> N
 def test_the_abstraction_is_printed_and_its_states_are_called_abstract() -> None:
     task = registry.load("derail/Sort-v0")
     found = page(task, gather(task))
-    section, scores = (found.section(key) for key in ("abstraction", "scores"))
-    assert section is not None and scores is not None and scores.table is not None
-    lines = [words(line.content) for line in section.lines]
-    assert lines[0] == "s\u0302 = argsort(argsort(s)) ∈ {0, … , L − 1}^L: rank of every element"
-    assert lines[1] == "initial state: s\u0302 ∼ Perm(L)"
-    rows = [[*map(words, row)] for row in scores.table.rows]
-    assert ["reachable abstract states", "24"] in rows and ["number of abstract states = 24", "proved"] in rows
+    assert lines(found, "abstraction")[:2] == [
+        "s\u0302 = argsort(argsort(s)) ∈ {0, … , L − 1}^L: rank of every element",
+        "initial state: s\u0302 ∼ Perm(L)",
+    ]
+    assert ["reachable abstract states", "24"] in rows(found)
+    assert ["number of abstract states = 24", "proved"] in rows(found)
 
 
 def test_observations_name_what_is_defined_and_what_is_of_the_state(tmp_path: Path) -> None:
     spec = tmp_path / "spec.yaml"
     spec.write_text(BEST, encoding="utf-8")
     found = page(registry.load(spec))
-    observed = found.section("observations")
-    state = found.section("state")
-    assert observed is not None and state is not None
-    assert [words(line.content) for line in observed.lines[1:]] == [
-        "q is that of the state",
-        "best is defined below",
-        "observed x = reverse(x)",
-    ]
-    assert [words(line.content) for line in state.lines[1:]] == ["x ∈ {0, 1, 2, 3}³", "q ∈ {0, 1, 2}: which"]
+    observed = ["q is that of the state", "best is defined below", "observed x = reverse(x)"]
+    assert lines(found, "observations")[1:] == observed
+    assert lines(found, "state")[1:] == ["x ∈ {0, 1, 2, 3}³", "q ∈ {0, 1, 2}: which"]
 
 
 BEST = """
@@ -270,25 +276,19 @@ reward: 0
 ])  # fmt: skip
 def test_bounds_that_are_vectors_are_those_of_elements(low: str, expected: str) -> None:
     found = page(build(read_text(BOUNDS.replace("LOW", low))))
-    state = found.section("state")
-    action = found.section("actions")
-    assert state is not None
-    assert action is not None
-    assert words(state.lines[0].content) == expected
-    assert words(action.lines[0].content) == "a ∈ A = {0, 1}"
+    assert lines(found, "state")[0] == expected
+    assert lines(found, "actions")[0] == "a ∈ A = {0, 1}"
 
 
-@pytest.mark.parametrize(("section", "expected"), [
+@pytest.mark.parametrize(("key", "expected"), [
     ("initial", "up = (ξᵢ)_(i ∈ {0, … , n − 1}),  ξᵢ ∼ Bernoulli(1/2)"),
     ("initial", "grid = ((ξ_(i, j))_(j ∈ {0, … , n − 1}))_(i ∈ {0, 1}),  ξ_(i, j) ∼ Bernoulli(1/4)"),
     ("dynamics", "up′ = (𝟙[a = i ∨ ξᵢ])_(i ∈ {0, … , n − 1}),  ξᵢ ∼ Bernoulli({ 1/2 if upᵢ; 1/4 otherwise })"),
     ("rewards", "R(a) = ξ₁ + #{k ∈ {0, … , n − 1}: ξ_(2, k) ∧ k ≠ a},  ξ₁ ∼ Unif{0, 1, 2},  ξ_(2, k) ∼ Bernoulli(1/3)"),
     ("observations", "t is the time"),
 ])  # fmt: skip
-def test_each_element_of_a_comprehension_has_its_own_draw(section: str, expected: str) -> None:
-    found = page(build(read_text(DRAWS))).section(section)
-    assert found is not None
-    assert expected in [words(line.content) for line in found.lines]
+def test_each_element_of_a_comprehension_has_its_own_draw(key: str, expected: str) -> None:
+    assert expected in lines(page(build(read_text(DRAWS))), key)
 
 
 def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
@@ -322,7 +322,7 @@ def test_make_line_of_a_spec_that_is_not_registered_runs_beside_its_file(
 def test_numbers_are_printed_with_their_sign(value: Fraction | float) -> None:
     """A whole number and a fraction have the sign of both: -31/7 is -4 - 3/7."""
     shown = plain(number(value)).replace("−", "-").replace(" ", "")
-    read = sum(Fraction(term) for term in re.findall(r"[+-]?[\d./]+", shown))
+    read = sum(map(Fraction, re.findall(r"[+-]?[\d./]+", shown)))
     assert math.isclose(read, value, rel_tol=1e-5, abs_tol=1e-12)
 
 
@@ -334,12 +334,10 @@ def test_numbers_at_the_edges(value: float, shown: str) -> None:
 def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
     returns = {"optimal return": Return(4), "random return": Return(-1.234567, 0.0102, 100)}
-    found = page(task, Facts(returns, [Mark(False, "fails")]))
-    scores = found.section("scores")
-    assert scores is not None and scores.table is not None
-    told = [[*map(words, row)] for row in scores.table.rows]
-    assert told[:2] == [["optimal return", "4"], ["random return", "−1.235 ± 0.020 (95 % CI, 100 episodes)"]]
-    assert told[2][1] == "fails"
+    optimal, random, claim = rows(page(task, Facts(returns, [Mark(False, "fails")])))[:3]
+    assert optimal == ["optimal return", "4"]
+    assert random == ["random return", "−1.235 ± 0.020 (95 % CI, 100 episodes)"]
+    assert claim[1] == "fails"
     assert page(task).section("scores") is None
 
 

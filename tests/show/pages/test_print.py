@@ -1,20 +1,19 @@
 """Pages as LaTeX in the places where people put them: sections of families, two columns, slides, numbered captions, metadata."""
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from taskspec.cli.app import app
 from taskspec.show.pages.write import write
+from tests.shared import paper
 from tests.shared.commands import Done
+from tests.shared.paper import TEX, compiled
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
 
-FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
+FAMILY = ["derail/Branching-v0", "derail/BranchingSeals-v0", "derail/Sort-v0"]
 WIDE = """\
 taskspec: 1
 name: Wide
@@ -35,17 +34,6 @@ figure: {kind: grid, at: [x, y]}
 LONG = """[
   {if: "x' == 4 and (y' == 0 or y' == 1 or y' == 2 or y' == x) and not (x == 4 and y == 4)", then: 1},
   {if: "x' == 2", then: -1}, {else: 0}]"""
-TEX = pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
-
-
-def compiled(folder: Path, source: str) -> str:
-    """What TeX says of a document beside the pages, compiled twice so that its references are known."""
-    (folder / "paper.tex").write_text(source, encoding="utf-8")
-    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
-    for _ in range(2):
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
-        assert done.returncode == 0, done.stdout[-2000:]
-    return done.stdout
 
 
 def test_variants_follow_their_task_with_what_differs(tmp_path: Path) -> None:
@@ -81,9 +69,9 @@ def test_a_variant_whose_figure_is_the_same_has_none(tmp_path: Path) -> None:
 )
 def test_pages_go_into_other_documents(opening: str, brief: bool, tmp_path: Path) -> None:
     write(FAMILY, ["latex"], tmp_path, brief=brief)
-    said = compiled(tmp_path, opening + r"\end{document}")
-    wide = [float(x) for x in re.findall(r"Overfull \\hbox \(([\d.]+)pt", said)]
-    assert all(x < 15 for x in wide)
+    said = compiled(tmp_path, opening + r"\end{document}", times=2)
+    for points in re.findall(r"Overfull \\hbox \(([\d.]+)pt", said):
+        assert float(points) < 15
 
 
 @pytest.mark.slow
@@ -94,8 +82,7 @@ def test_tables_that_would_shrink_too_far_are_stacked(width: str, is_stacked: bo
     write(["derail/Sort-v0"], ["latex"], tmp_path)
     page = rf"\textwidth={width}\input{{preamble}}"
     compiled(tmp_path, rf"\documentclass{{article}}{page}\begin{{document}}\input{{sort}}\end{{document}}")
-    text = subprocess.run(["pdftotext", tmp_path / "paper.pdf", "-"], capture_output=True, text=True, check=True).stdout
-    assert (text.count("what follows") > 1) == is_stacked
+    assert (paper.text(tmp_path / "paper.pdf").count("what follows") > 1) == is_stacked
 
 
 LACKING = r"""\documentclass{article}
@@ -118,7 +105,8 @@ def test_nothing_that_tex_leaves_stays_beside_the_document(tmp_path: Path) -> No
     (tmp_path / "short.yaml").write_text(WIDE.replace("REWARD", "0"), encoding="utf-8")
     done = Done("docs", tmp_path / "short.yaml", "-f", "pdf", "--no-results", "-o", tmp_path / "out")
     assert done.status == 0, done.err
-    assert {path.name for path in (tmp_path / "out").glob("document.*")} == {"document.pdf", "document.tex"}
+    beside = sorted((tmp_path / "out").glob("document.*"))
+    assert beside == [tmp_path / "out" / "document.pdf", tmp_path / "out" / "document.tex"]
 
 
 @pytest.mark.slow
@@ -126,13 +114,11 @@ def test_nothing_that_tex_leaves_stays_beside_the_document(tmp_path: Path) -> No
 @pytest.mark.usefixtures("kept_log")
 def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None:
     path = write(FAMILY, ["pdf"], tmp_path, title="Three tasks")[-1]
-    said = subprocess.run(["pdfinfo", path], capture_output=True, text=True, check=True).stdout
+    said = paper.about(path)
     assert re.search(r"^Title: +Three tasks$", said, re.MULTILINE)
     assert re.search(r"^Author: +taskspec$", said, re.MULTILINE)
     assert re.search(r"^Creator: +taskspec", said, re.MULTILINE)
-    text = subprocess.run(["pdftotext", path, "-"], capture_output=True, text=True, check=True).stdout
-    numbers = [int(x) for x in re.findall(r"Figure (\d+): ", text)]
-    assert numbers == [1, 2, 3]
+    assert re.findall(r"Figure (\d+): ", paper.text(path)) == ["1", "2", "3"]
     assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
 
 
@@ -143,7 +129,7 @@ def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None
 def test_figures_make_room_for_formulas_that_would_shrink_too_far(reward: str, is_above: bool, tmp_path: Path) -> None:
     (tmp_path / "wide.yaml").write_text(WIDE.replace("REWARD", reward), encoding="utf-8")
     path = write([tmp_path / "wide.yaml"], ["pdf"], tmp_path)[-1]
-    text = subprocess.run(["pdftotext", path, "-"], capture_output=True, text=True, check=True).stdout
+    text = paper.text(path)
     assert (text.index("Figure 1") < text.index("State space")) == is_above
     assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
 
@@ -160,10 +146,10 @@ def test_a_variant_shows_the_parameters_alone_that_have_other_values(tmp_path: P
 def test_blanks_of_a_map_are_named(tmp_path: Path) -> None:
     spec = Path(__file__).parents[2] / "specs" / "figures" / "keys.yaml"
     write([spec], ["html", "markdown", "latex"], tmp_path)
-    pages = [next(tmp_path.glob(f"keys*.{ending}")) for ending in ("html", "md", "tex")]
-    assert all("# = 1, blank = 0)" in page.read_text(encoding="utf-8") for page in pages)
-    done = CliRunner().invoke(app, ["show", str(spec)], env={"COLUMNS": "100", "NO_COLOR": "1"})
-    assert "(# = 1, blank = 0)" in done.stdout
+    for ending in ("html", "md", "tex"):
+        (page,) = tmp_path.glob(f"keys*.{ending}")
+        assert "# = 1, blank = 0)" in page.read_text(encoding="utf-8")
+    assert "(# = 1, blank = 0)" in Done("show", spec, columns=100).out
 
 
 def test_figures_at_settings_say_what_is_seen(tmp_path: Path) -> None:
@@ -177,15 +163,15 @@ def test_figures_at_settings_say_what_is_seen(tmp_path: Path) -> None:
 @pytest.mark.slow
 @TEX
 @pytest.mark.parametrize(
-    ("task", "settings", "stand_beside"), [("derail/Branching-v0", (5, 7), False), ("derail/Sort-v0", (2, 3), True)]
+    ("task", "first", "second", "stand_beside"),
+    [("derail/Branching-v0", 5, 7, False), ("derail/Sort-v0", 2, 3, True)],
 )
 def test_figures_at_settings_are_stacked_where_they_would_shrink_too_far(
-    task: str, settings: tuple[int, ...], stand_beside: bool, tmp_path: Path
+    task: str, first: int, second: int, stand_beside: bool, tmp_path: Path
 ) -> None:
-    path = write([task], ["pdf"], tmp_path, columns=[{"L": at} for at in settings])[-1]
-    text = subprocess.run(["pdftotext", "-layout", path, "-"], capture_output=True, text=True, check=True).stdout
-    (line,) = (line for line in text.splitlines() if "Figure 3:" in line)
-    assert (line.index("Figure 3:") > 40) == stand_beside
+    path = write([task], ["pdf"], tmp_path, columns=[{"L": first}, {"L": second}])[-1]
+    (indent,) = re.findall(r"^(.*)Figure 3:", paper.text(path, "-layout"), re.MULTILINE)
+    assert (len(indent) > 40) == stand_beside
 
 
 @pytest.mark.slow
@@ -195,7 +181,8 @@ def test_figures_of_short_pages_keep_most_of_their_size_on_slides(tmp_path: Path
     figure = r"\sbox{\taskspecfigure}{\rule{1cm}{100pt}}"
     fitted = r"\sbox0{\taskspecfitbrief{\usebox{\taskspecfigure}}}"
     frame = rf"\begin{{frame}}{figure}{fitted}\typeout{{TALL \the\ht0}}\end{{frame}}"
-    said = compiled(tmp_path, rf"\documentclass{{beamer}}\input{{preamble}}\begin{{document}}{frame}\end{{document}}")
+    document = rf"\documentclass{{beamer}}\input{{preamble}}\begin{{document}}{frame}\end{{document}}"
+    said = compiled(tmp_path, document, times=2)
     assert float(re.findall(r"TALL ([\d.]+)pt", said)[0]) == pytest.approx(80, abs=0.1)
 
 
@@ -211,13 +198,10 @@ def test_cells_of_tables_are_not_broken_within_words(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("brief", "least"), [(False, 0.9), (True, 0.8)], ids=["whole", "brief"])
 def test_the_text_of_figures_is_about_as_large_as_that_around_them(brief: bool, least: float, tmp_path: Path) -> None:
     """By the widths of a word that stands in both."""
-    write(["derail/InitShiftExpert-v0"], ["pdf"], tmp_path, brief=brief)
-    boxes = subprocess.run(
-        ["pdftotext", "-bbox", "document.pdf", "-"], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout
-    widths = [float(b) - float(a) for a, b in re.findall(r'xMin="([\d.]+)".*xMax="([\d.]+)".*>right</word>', boxes)]
+    path = write(["derail/InitShiftExpert-v0"], ["pdf"], tmp_path, brief=brief)[-1]
+    widths = np.concatenate([(page.right - page.left)[page.words == "right"] for page in paper.pages(path)])
     assert len(widths) > 3  # three arrows of the figure, and what is said of the action
-    assert min(widths) >= least * max(widths), widths
+    assert widths.min() >= least * widths.max(), widths
 
 
 @TEX
@@ -225,18 +209,13 @@ def test_the_text_of_figures_is_about_as_large_as_that_around_them(brief: bool, 
 @pytest.mark.parametrize("brief", sparse([True, False], 2))
 def test_pages_of_other_tasks_are_filled_and_end_above_their_number(brief: bool, tmp_path: Path) -> None:
     """Long tasks with figures beside their text: by the last line of each page."""
-    specs = [spec_file(name) for name in ("taxi", "tiger", "frozen_lake", "key_door", "blackjack")]
-    write(specs, ["pdf"], tmp_path, brief=brief)
+    specs = map(spec_file, ("taxi", "tiger", "frozen_lake", "key_door", "blackjack"))
+    path = write(list(specs), ["pdf"], tmp_path, brief=brief)[-1]
     assert r"Overfull \vbox" not in (tmp_path / "document.log").read_text(errors="replace")
-    boxes = subprocess.run(
-        ["pdftotext", "-bbox", "document.pdf", "-"], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout
-    pages = boxes.split("<page ")[1:]
+    pages = paper.pages(path)
     assert len(pages) > 1
     for number, page in enumerate(pages, 1):
-        height = float(re.findall(r'height="([\d.]+)"', page)[0])
-        words = [(float(y), word) for y, word in re.findall(r'yMax="([\d.]+)">([^<]*)</word>', page)]
-        foot = max(y for y, word in words if word == str(number))
-        last = max(y for y, _ in words if y < foot)
-        assert max(y for y, _ in words) == foot and last < foot - 12
-        assert number == len(pages) or last > 0.5 * height, (number, last / height)
+        foot = page.bottom[page.words == str(number)].max()
+        last = page.bottom[page.bottom < foot].max()
+        assert page.bottom.max() == foot and last < foot - 12
+        assert number == len(pages) or last > 0.5 * page.height, (number, last / page.height)
