@@ -211,7 +211,10 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             raise AttributeError(str(error)) from error
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
-        """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.
+        """Choose keys for actions, as `gymnasium.utils.play` wants them.
+
+        Returns:
+            actions by the numbers of the characters that are pressed.
 
         Raises:
             SpecError: E713, where the actions are infinite, or more than there are keys.

@@ -140,7 +140,6 @@ def seed_of(value: Any) -> int:
 
 
 def _whole(value: Any) -> int | None:
-    """Return an int of any kind; None for anything else."""
     try:
         if isinstance(value, bool):
             return None

@@ -150,6 +150,9 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             seed: lane i gets seed + i; or one seed for each lane, None for a lane whose stream is to go on. Without a
                 seed all streams go on; the first time, they start from a random one.
             options: `{"reset_mask": array}`.
+
+        Returns:
+            observations, one for each lane along the first axis, and infos, with "action_mask" where the task has `legal`.
         """
         mask = reset_option(options, "reset_mask")
         lanes = None
@@ -164,7 +167,13 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observation(), self._legal()
 
     def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
-        """Take a step in every lane: observations, rewards, terminated, truncated, infos.
+        """Take a step in every lane.
+
+        Args:
+            actions: one for each lane along the first axis, as in `action_space`.
+
+        Returns:
+            observations, rewards float64 (num_envs,), terminated and truncated bool (num_envs,), and infos.
 
         Raises:
             ActionError: the actions are not in the batched action space.
@@ -198,13 +207,24 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return the present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
+        """Show the present state of every lane.
+
+        Returns:
+            a text or pixels, uint8 (480, 640, 3), of each lane; None without a render mode.
+        """
         if self.render_mode is None:
             return None
         return self.call("render")
 
     def call(self, name: str, *args: Any, **options: Any) -> tuple[Any, ...]:
-        """Return an attribute of every lane ("state", "time", "task", ...), or what its method gives ("render", ...).
+        """Read an attribute of every lane, or call a method of it.
+
+        Args:
+            name: of the attribute ("state", "time", "task", ...) or the method ("render", ...).
+            args, options: of the method.
+
+        Returns:
+            the value or the result of each lane.
 
         Raises:
             LaneError: lanes have nothing of that name.
@@ -238,7 +258,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._engine.buffers.seen.view(copy=True)
 
     def _final(self) -> dict[str, Any]:
-        """Last observations of the episodes that ended in this step, and which these are."""
         b = self._engine.buffers
         if self._reuse and self._last is not None:
             return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
@@ -298,7 +317,14 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._engine.buffers.time.copy()
 
     def state(self, lane: int) -> Mapping[str, Any]:
-        """Return the present state of a lane by component: labels for choices, numbers, arrays for vectors."""
+        """Read the present state of a lane.
+
+        Args:
+            lane: its number, from 0.
+
+        Returns:
+            values by component: labels for choices, numbers, arrays for vectors.
+        """
         return self._lane(lane).state
 
     def _not_running(self) -> NotRunningError:

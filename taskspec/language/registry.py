@@ -220,7 +220,6 @@ def instance(source: str) -> ids.InstanceId:
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
-    """Rebuild a task with other values of parameters; another variant starts from its defaults."""
     if variant is None and not parameters:
         return task
     from taskspec.language.modifiers import modify

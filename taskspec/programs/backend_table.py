@@ -80,6 +80,5 @@ def suits(backend: str, task: Task) -> bool:
 
 
 def _named(place: str) -> Any:
-    """Import the object at a place, `module:name`."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

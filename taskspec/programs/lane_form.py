@@ -176,10 +176,7 @@ class LaneEmitter:
                     return self._elementwise(node, entry)
                 return self._reduction(node, entry)
             case Apply():
-                return self._structure(node)
-
-    def _structure(self, node: Apply) -> LaneValue:
-        return STRUCTURE[node.op](self, node)
+                return STRUCTURE[node.op](self, node)
 
     def _const(self, node: Const) -> LaneValue:
         if node.type.size <= self.unrolled:
@@ -228,7 +225,6 @@ class LaneEmitter:
         return low > 0 or high < 0
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
-        """Fill a template with arguments; one that is named twice gets a variable first."""
         named = list(args)
         for i, arg in enumerate(args):
             if template.count(f"{{{i}}}") > 1:

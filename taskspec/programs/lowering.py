@@ -232,17 +232,13 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
             finite_reads
             and isinstance(node, Apply)
             and node.type.is_scalar
-            and _operations(node) > 2 * len(finite_reads)
+            and sum(isinstance(n, Apply) for n in walk([node])) > 2 * len(finite_reads)
         ):
             # The index of a table takes an operation or two for every read but the first.
             tables[id(node)] = _table(b, node, finite_reads)
         else:
             stack.extend(children(node))
     return folded(b, rewrite(roots, tables, b.remake))
-
-
-def _operations(node: Node) -> int:
-    return sum(isinstance(n, Apply) for n in walk([node]))
 
 
 def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: int) -> frozenset[Read] | None:

@@ -71,7 +71,6 @@ class _Factoring:
         return rebuilt.with_annotations(expert=expert)
 
     def _replace_component(self, c: Component, node: Node) -> None:
-        """Find the component of the task's own state that a mapped component replaces."""
         own = self.builder.read(Role.STATE, _MARK + c.name, c.type, c.least, c.most)
         match node:
             case Apply(op="argsort", args=(Apply(op="argsort", args=(Read(role=Role.STATE, name=name) as vector,)),)):
@@ -83,7 +82,6 @@ class _Factoring:
                 self._solve_linear(c, node, own)
 
     def _solve_linear(self, c: Component, node: Node, own: Node) -> None:
-        """Solve a linear map for a component that is not replaced yet."""
         if isinstance(node, Read) and node.type == own.type and node.name not in self.replaced:
             return self._substitute(node.name, own)
         if node.type.kind is not Kind.INT:
@@ -99,7 +97,6 @@ class _Factoring:
         raise Unfactored(f"the map of '{c.name}' is neither linear in whole numbers nor the ranks of a vector")
 
     def _substitute(self, name: str, node: Node) -> None:
-        """Replace a component by an expression, also in the expressions that replace others."""
         (form,) = self.normal.form([node])
         self.replaced = {k: self._over(v, {name: form}) for k, v in self.replaced.items()} | {name: form}
 
@@ -245,7 +242,6 @@ class LinearForms:
         return self._sum(_added(terms, {id(chosen): (chosen, 1)}, 1), rest)
 
     def _moved(self, node: Apply) -> Node:
-        """Apply an operator that selects elements to each term of a sum."""
         b = self.builder
         inner, *rest = node.args
         terms, constant = self.terms(inner)

@@ -393,12 +393,19 @@ class Model:
         return times
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
-        """Return what expressions read in every state (S,), or some of them, at a time."""
+        """List what expressions read in states.
+
+        Args:
+            t: the time, in steps.
+            some: the states; all by default.
+
+        Returns:
+            values (S,) of each component of the state, by role and name, and the time, int64 (1,).
+        """
         return dict(self.states.decode(self.codes[some])) | {TIME: np.array([t], dtype=np.int64)}
 
 
 def _columns(matrix: Sparse, rows: Array) -> Array:
-    """Return the columns of the positive entries of some rows."""
     first = matrix.indptr[rows]
     entries = entries_of(first, matrix.indptr[rows + 1] - first)
     return np.asarray(matrix.indices[entries[matrix.data[entries] > 0]])

@@ -159,7 +159,6 @@ class ObservationPolicy(TaskPolicy):
         return None
 
     def _probabilities(self, model: Model, t: int) -> Array | None:
-        """Return probabilities (A, S) at a time; None where they are unknown."""
         states = states_of(model)
         pi = self.probabilities(self.observe(states, t, np.random.default_rng(0)), legal_rows(self.task, states))
         if pi is None:

@@ -73,13 +73,16 @@ class Expert:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
     ) -> tuple[Any, Any]:
-        """Return actions for one observation or a batch of them, and the recurrent state: steps taken, memory, actions.
+        """Choose actions, as policies of Stable-Baselines3 do.
 
         Args:
             observation: one of the environment's, or a batch of them.
             state: the recurrent state that the last call returned, or None.
             episode_start: bool (N,), whether an episode begins with this observation.
             deterministic: take the most likely action instead of drawing one.
+
+        Returns:
+            the action, or N of them along the first axis, and the recurrent state: steps taken int64 (N,), memory, actions.
         """
         single, batch = self._split(observation)
         if state is None:

@@ -140,7 +140,14 @@ class Score:
     asked: Asking | Literal["returns"]
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Bounds of the score at a confidence, as (low, high)."""
+        """Bound the score.
+
+        Args:
+            confidence: level of the interval, as for `Return.interval`.
+
+        Returns:
+            (low, high), in units of the score.
+        """
         low, high = self.value.interval(confidence)
         return self.scores.normalise(low), self.scores.normalise(high)
 

@@ -221,10 +221,7 @@ def _affordable(task: Task) -> int:
 def _episodes(
     task: Task, choose: Choose, lanes: int, most: int, rng: np.random.Generator
 ) -> Iterator[tuple[bool, Mapping[Key, Array]]]:
-    """Yield the reads of each step of episodes with `most` steps together, then those of the lanes that end in it.
-
-    New episodes begin when all lanes have ended.
-    """
+    """Yield the reads of each step of episodes with `most` steps together, then those of the lanes that end in it."""
     rollout = Rollout(task, lanes)
     state = rollout.start()
     going = np.ones(lanes, np.bool_)
@@ -256,7 +253,6 @@ def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
 
 
 def _spread(values: Array, lanes: int) -> Array:
-    """Broadcast values (*shape, 1) or (*shape, lanes) to (*shape, lanes)."""
     if values.shape[-1] == lanes:
         return values
     return np.broadcast_to(values, (*values.shape[:-1], lanes))

@@ -91,7 +91,6 @@ class JointOutcomes:
 
 
 def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
-    """Return whether two probabilities are equal: exactly if both are known exactly."""
     if isinstance(one, Fraction) and isinstance(other, Fraction):
         return one == other
     return abs(float(one) - float(other)) <= CHANCE

@@ -356,6 +356,5 @@ def _in_role(results: Results, who: Literal["expert", "learner"]) -> Results:
 
 
 def _shares(model: Model, plan: Plan) -> Array:
-    """Return the share (S,) of an episode's actions that are taken in each state; discounted."""
     visits: Any = occupancy(model, plan)
     return np.asarray(visits / visits.sum())

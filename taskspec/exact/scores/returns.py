@@ -94,10 +94,13 @@ class Return:
         return not self.episodes
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
-        """Bounds of the return, as (low, high): proved ones if it is exact, otherwise a normal approximation.
+        """Bound the return.
 
         Args:
             confidence: level of the interval; exact returns do not depend on it.
+
+        Returns:
+            (low, high): proved bounds if it is exact, otherwise those of a normal approximation.
         """
         width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
         return self.value - width, self.value + width
@@ -110,7 +113,14 @@ class Return:
 
     @classmethod
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
-        """Return the mean of the returns (N,) of episodes."""
+        """Estimate an expected return.
+
+        Args:
+            returns: of N episodes, (N,).
+
+        Returns:
+            their mean with its standard error, infinite for one episode.
+        """
         sample = np.asarray(returns, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # returns, or their squares, may be infinite
             mean = float(sample.mean())

@@ -64,7 +64,7 @@ class Scores:
         return normalised(value, self.random.value, top.value, floor)
 
     def record(self) -> dict[str, Any]:
-        """Write the scores as JSON data."""
+        """Write the scores as plain data: the fields by name, returns as mappings with "value", "error" and "status"."""
         data = asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
         for name in RETURNS:
             data[name] = _return_record(getattr(self, name))
@@ -74,7 +74,11 @@ class Scores:
         return data
 
     def rows(self) -> list[dict[str, Any]]:
-        """List known returns as flat rows, as `pandas.DataFrame` takes them."""
+        """List known returns, as `pandas.DataFrame` takes them.
+
+        Returns:
+            a row for each: parameters by name, "id", "return" (its name), "value", "error" and "status".
+        """
         rows = []
         for name in RETURNS:
             known = getattr(self, name)

@@ -50,7 +50,13 @@ class Limit:
 
     @classmethod
     def of(cls, text: str) -> Limit:
-        """Return a limit as written: `cost <= 1`.
+        """Read a limit.
+
+        Args:
+            text: a measure, `<=` or `>=`, and a number: `cost <= 1`.
+
+        Returns:
+            the limit, with a finite bound.
 
         Raises:
             SpecError: E713, for anything else.
@@ -188,7 +194,6 @@ class Occupancies:
         return self.model.legal[:, self.levels[t]]
 
     def _flow(self) -> tuple[Any, Array]:
-        """Return the equations of occupancies: a matrix, and its right side."""
         gamma = self.model.discount
         size = len(self.levels)
         blocks: list[list[Any]] = [[None] * size for _ in range(size)]

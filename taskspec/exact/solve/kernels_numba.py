@@ -142,7 +142,6 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> tup
 
 @njit(cache=True)
 def _active(first: Array, successors: Array, changed: Array) -> Array:
-    """Return which blocks have a successor that changed."""
     found = np.zeros(len(changed), np.bool_)
     for b in range(len(changed)):
         for k in range(first[b], first[b + 1]):

@@ -306,7 +306,6 @@ class BeliefSearch:
         return self._rounded(expected, total * values.over, is_high)
 
     def _charge(self, operations: int, size: int) -> None:
-        """Count operations on numbers as long as `size`."""
         self.spent += operations * (1 + size.bit_length() / WIDE)
 
     def _rounded(self, part: int, over: int, is_high: bool) -> Fraction:

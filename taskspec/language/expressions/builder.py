@@ -365,7 +365,6 @@ class Builder:
         return result
 
     def _intern(self, node: N) -> N:
-        """Share equal nodes: the known one, or else the new one."""
         key = _key(node)
         known = self._nodes.get(key)
         if known is None:

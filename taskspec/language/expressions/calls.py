@@ -222,7 +222,6 @@ def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain
 
 
 def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
-    """Check and complete the arguments of a distribution: by name, with the shape of the draw."""
     given, shape = _given(checker, dist, expr, scope)
     nodes = dict(zip(given, checker.numerics(given.values(), scope), strict=True))
     for argument in dist.arguments:
@@ -418,10 +417,7 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
 
 
 def _index_argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
-    """Return the argument of a function that is an index of x, or one for each axis.
-
-    Anything else is left to the function.
-    """
+    """Return the argument of a function that is an index of x, or one for each axis; else it is left as it is."""
     axes = x.type.shape
     if not axes:
         return index

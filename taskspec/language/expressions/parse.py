@@ -90,7 +90,6 @@ def explain(value: str, error: Exception) -> NoReturn:
 
 
 def _refuse_operators(value: str) -> None:
-    """Refuse the first operator of another language."""
     for pattern, hint, word in _CONFUSIONS:
         match = re.search(pattern, value)
         if match and word is not None:
@@ -255,7 +254,6 @@ def _python(value: str, most: int) -> tuple[str, ast.expr]:
 
 
 def _bound_tree(value: str, root: ast.AST) -> None:
-    """Refuse trees too deep for the recursive passes that follow."""
     level: list[ast.AST] = [root]
     for _ in range(Limits.operators):  # levels of operators: `a + b + c` has two
         level = list(chain.from_iterable(map(ast.iter_child_nodes, level)))

@@ -271,7 +271,6 @@ def _check_width(checker: BaseChecker, expr: s.Expr, *ends: int) -> None:
 
 
 def _check_few(checker: BaseChecker, limit: str, number: int, expr: s.Expr, what: str) -> None:
-    """Refuse (E314) more of something than a limit allows."""
     most = getattr(limits(), limit)
     if number > most:
         message = f"{count_of(number)} {what} are too many; the limit is {most:,}"
@@ -376,7 +375,6 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
 
 
 def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
-    """Convert two values to compare: a label on one side belongs to the choice on the other."""
     if left.may_be_label and not right.may_be_label:
         other = right.value()
         return left.value(other.domain), other

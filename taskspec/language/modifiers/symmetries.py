@@ -42,7 +42,6 @@ def _declared(task: Task, name: str) -> Symmetry:
 
 
 def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    """Apply a symmetry to the observation; components that other modifiers add stay."""
     now = {}
     for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
         now[c.name] = (c, node)
@@ -84,11 +83,7 @@ def _bounded(components: Sequence[Component], moves: Sequence[MapPart]) -> list[
 
 
 def _check_space(task: Task, components: Sequence[Component]) -> None:
-    """Refuse what does not fit into the space that the spec asks for.
-
-    Raises:
-        Inapplicable: reals where there are to be none, or several numbers where one is to be.
-    """
+    """Refuse (Inapplicable) reals where the spec's space has none, and several numbers where it has one."""
     space = task.observation.space
     if space in FINITE_SPACES and not are_finite(components):
         raise Inapplicable(f"a `{space}` observation holds no reals")

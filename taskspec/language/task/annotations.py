@@ -102,7 +102,6 @@ def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | No
 
 
 def _map(context: Context, name: str | None) -> tuple[str, ...]:
-    """Rows of the grid of letters that the figure names; none where it names none."""
     constants = context.data.get("constants") or {}
     if name is None:
         return ()

@@ -145,7 +145,6 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
 
 
 def _all(components: Sequence[Component], rows: Array) -> list[Array]:
-    """Values (*shape, N) of finite components whose combinations have these numbers."""
     rest = rows
     values = []
     for c in reversed(components):
@@ -158,7 +157,6 @@ def _all(components: Sequence[Component], rows: Array) -> list[Array]:
 
 
 def _rows(values: Sequence[Array], lanes: int) -> Array:
-    """Flatten values (*shape, lanes or 1) to rows (lanes, elements)."""
     flat = []
     for v in values:
         flat.append(np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)))

@@ -52,7 +52,6 @@ def _blame(checker: Checker, refused: Refused, expr: s.Expr, scope: Scope, compo
 
 
 def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
-    """Convert a value to one of a component; Refused where it cannot be."""
     if c.domain is None:
         node = checker.number_of(value)
     else:

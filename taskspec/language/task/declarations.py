@@ -71,7 +71,6 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
 
 
 def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
-    """Rename values to the spec's own names; unknown ones, and those given twice, are reported."""
     names = list(aliases.values())
     values = dict[str, Any]()
     for key, value in given.items():
@@ -238,7 +237,6 @@ def fixed_constants(context: Context) -> dict[str, Const]:
 
 
 def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Value:
-    """Read a constant: an expression, a text grid, or a draw made once per instance."""
     path: Path = ("constants", name)
     value = context.data["constants"][name]
     if isinstance(value, dict) and "grid" in value:
@@ -263,7 +261,6 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
-    """Read a text grid: the legend gives the value of every character."""
     is_block = isinstance(value["grid"], str)
     if is_block:
         lines = value["grid"].splitlines()

@@ -106,7 +106,6 @@ class Forms:
         return None
 
     def _in_brackets(self, item: str, path: Path) -> s.SourceText:
-        """Put the only text of a list into brackets: `[f(i) for i in range(n)]` is a comprehension."""
 
         def locate(start: int, end: int) -> Span:
             return self.merged.span(path, max(start - 1, 0), min(end - 1, len(item)))
@@ -116,7 +115,6 @@ class Forms:
     # -- cases ----------------------------------------------------------------------------------------------------
 
     def _cases(self, items: list[Any], path: Path) -> s.Expr | None:
-        """Read entries `if:` and `then:`, and a last `else:`."""
         branches = []
         otherwise = None
         for i, item in enumerate(items):
@@ -142,7 +140,6 @@ class Forms:
         return otherwise
 
     def _is_case(self, item: dict[str, Any], is_last: bool, path: Path) -> bool:
-        """Test whether an entry is a case that may stand at its position; mistakes are reported."""
         if is_last and "else" not in item:
             hint = "add `- else: ...` for all other cases"
             self.report(Problem("E209", (), "the last case must be `else`", hint), path)
@@ -157,7 +154,6 @@ class Forms:
         return self._has_keys(item, ("else",), "E209", "case", path) and is_last
 
     def _has_keys(self, entry: dict[str, Any], keys: tuple[str, ...], code: str, what: str, path: Path) -> bool:
-        """Test whether an entry has these keys and no others; mistakes are reported."""
         for key in entry:
             if key not in keys:
                 self.report(values.unknown_key(key, keys), (*path, key))

@@ -206,7 +206,6 @@ class Names:
                 bindings[name] = Lazy(lambda at, n=name: self._drawn(n))  # type: ignore[misc]
 
     def _drawn(self, name: str) -> Value:
-        """Read a noise entry: drawn once per step, the same draw wherever it is named."""
         builder = self.context.builder
         if name not in self._noise:
             expr = self.context.exprs["noise"].get(name)

@@ -159,7 +159,6 @@ def measures(context: Context, names: Names) -> dict[str, Node]:
 
 
 def _number(context: Context, expr: s.Expr | None, what: str, kind: Type, scope: Scope) -> Node | None:
-    """Read an expression as a single number; None for a broken one (reported)."""
     if expr is None:
         return None
     try:
@@ -226,7 +225,6 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
 
 
 def _check_space(context: Context, components: Sequence[Component], space: str) -> None:
-    """Refuse a space that cannot hold what is observed."""
     path: Path = ("observation", "space")
     endless = next((c.name for c in components if not c.is_finite), None)
     if space in FINITE_SPACES and endless is not None:

@@ -341,17 +341,31 @@ class Functional:
     # -- one environment ------------------------------------------------------------------------------------------
 
     def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
-        """Return the first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
+        """Begin an episode.
+
+        Args:
+            key: `jax.random.key(seed)`, or its uint32 words (2,).
+            params: values of the parameters in `varying`; `default_params` if None.
+
+        Returns:
+            the first observation, of the shape and dtype of its space, and the state.
+        """
         observation, state = self.lanes_reset(key_words(key)[:, None], params)
         return _single(observation), _single(state)
 
     def step(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Observation, state, reward, done and info of a step; after an episode ends the next one begins (autoreset).
+        """Take a step; after the end of an episode the next one begins (autoreset).
 
-        info holds "terminated", "truncated", "final_observation" of the step itself, "measures" where the
-        task has some, and "action_mask" where it has `legal`, of the state that is returned.
+        Args:
+            state: as the last step or `reset` gave it.
+            action: of the shape of the action space.
+            params: as for `reset`.
+
+        Returns:
+            observation, state, reward float32 (), done bool () and info: "terminated", "truncated", "final_observation" of
+            the step itself, "measures" where the task has some, and "action_mask" of the state returned where it has `legal`.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = self._info(state, result, params)
@@ -362,7 +376,14 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Return a step without autoreset; info is the info of `step`, without "final_observation"."""
+        """Take a step without autoreset.
+
+        Args:
+            state, action, params: as for `step`.
+
+        Returns:
+            as `step` does, for the state in which the step ends; info lacks "final_observation".
+        """
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))
@@ -380,7 +401,14 @@ class Functional:
         return info
 
     def action_mask(self, state: State, params: Any = None) -> AnyArray:
-        """Return the legal actions of a state, bool (n,), for a task with `legal`."""
+        """Test which actions are legal in a state of a task with `legal`.
+
+        Args:
+            state, params: as for `step`.
+
+        Returns:
+            bool (n,), by the number of the action.
+        """
         return self.program.mask(_lane(state), self._open.values(params))[:, 0]
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
@@ -389,6 +417,9 @@ class Functional:
         Args:
             one_hot: finite observations as vectors of 0 and 1, float32.
             flat_actions: several finite action components as one number, the last component fastest.
+
+        Returns:
+            an environment with gymnax's `reset`, `step`, `observation_space` and `action_space`.
 
         Raises:
             SpecError: E713, for observations or actions that are not finite.
@@ -404,16 +435,29 @@ class Functional:
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
     def lanes_reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
-        """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds.
+        """Begin an episode in each of N lanes.
 
-        Parameters are numbers, or arrays (N,).
+        Args:
+            key: uint32 (2, N), the high and the low words of the seeds.
+            params: as for `reset`, each a number or an array (N,).
+
+        Returns:
+            the first observations (*shape, N), and the states.
         """
         state, seen = self.program.reset(key, self._open.values(params))
         return observed(self.program.observation, seen), state
 
     def lanes_step(self, state: State, action: AnyArray, params: Any = None) -> tuple[Any, State, StepResult]:
-        """Return a step of every lane with autoreset; actions are (*shape, N). The result holds the observations before
-        it.
+        """Take a step in every lane; after the end of an episode the next one begins there (autoreset).
+
+        Args:
+            state: of the lanes, as the last step or `lanes_reset` gave it.
+            action: (*shape, N).
+            params: as for `lanes_reset`.
+
+        Returns:
+            observations (*shape, N), states, and the result of the step before autoreset: its observations, rewards
+            float32 (N,), terminated and truncated bool (N,), measures.
         """
         given = self._open.values(params)
         after, result = self._stepped(state, acted(self.program.action, action), given)

@@ -379,7 +379,6 @@ class JaxEngine:
         return self._episodes.step(int(np.count_nonzero(b.ended)))
 
     def _keep(self) -> None:
-        """State and counters where callers look for them."""
         b = self.buffers
         state = self._state
         for held, value in zip(b.state, state.values, strict=True):
@@ -430,5 +429,4 @@ def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
 
 
 def _chosen(flags: Any, a: Any, b: Any) -> Any:
-    """Lanes of `a` where flagged, of `b` elsewhere."""
     return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)

@@ -177,7 +177,6 @@ def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
 
 
 def _check_compile_time(source: str) -> None:
-    """Warn of a module that takes long to compile, or refuse it, by its length."""
     seconds = len(source) // RATE
     most = limits().compiling
     if seconds > most:

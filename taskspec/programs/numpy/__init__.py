@@ -262,7 +262,6 @@ class NumpyEngine:
         self._episodes.place(values, lanes)
 
     def _parts(self, lanes: Array | None) -> list[tuple[_Block, Array | None]]:
-        """Return the blocks concerned, each with indices of its own (None: all of them)."""
         if lanes is None:
             return [(block, None) for block in self._blocks]
         inside = [(b, lanes[(lanes >= b.place.start) & (lanes < b.place.stop)] - b.place.start) for b in self._blocks]

@@ -146,7 +146,6 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """Convert an array-like action to float64 of the given shape."""
     array = np.asarray(action)
     if {shape, array.shape} <= {(), (1,)}:
         array = array.reshape(shape)

@@ -133,7 +133,6 @@ def _info_elements(task: Task, names: Sequence[str]) -> str:
 
 
 def _shape(task: Task) -> tuple[int, ...]:
-    """Shape of the array of the state."""
     (first, *others) = task.state
     if others:
         return (total_size(task.state),)

@@ -57,7 +57,6 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
 
 
 def _kept(parts: Parts) -> list[str]:
-    """Variables that hold what stays the same for an episode."""
     names = list(parts.invariants.names)
     if parts.invariants.observation:
         names.append("kept")
@@ -67,7 +66,6 @@ def _kept(parts: Parts) -> list[str]:
 
 
 def _held(name: str, type_: Type) -> LaneValue:
-    """Form of a value in a variable: a number, or one flat sequence."""
     if type_.is_scalar:
         return LaneValue([name])
     return LaneValue(packed=name)
@@ -231,7 +229,6 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
 
 
 def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
-    """Source of a value as it is kept: a number of its kind, or a flat sequence."""
     if type_.is_scalar:
         return lane.scalar(node)
     return lane.packed(node)

@@ -125,7 +125,6 @@ def _block_can_compute(node: Node) -> bool:
 def _row_parts(
     observation: Sequence[Node], free: dict[int, bool]
 ) -> tuple[tuple[tuple[int, Node], ...], list[Node | None]]:
-    """Observation components that a block fills in, with their offsets; None in place of each."""
     parts: list[tuple[int, Node]] = []
     inner: list[Node | None] = []
     offset = 0

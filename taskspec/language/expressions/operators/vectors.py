@@ -69,7 +69,6 @@ class Structure(OperatorEntry):
 
 
 def _rows(flat: Flat, shape: tuple[int, ...], indices: Iterable[int] | None = None) -> list[Flat]:
-    """Rows along the first axis: the chosen ones, or all."""
     step = strided(shape)
     chosen = range(shape[0]) if indices is None else indices
     return [flat[i * step : (i + 1) * step] for i in chosen]

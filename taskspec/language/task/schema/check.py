@@ -67,7 +67,6 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
 
 
 def _problems(document: Document) -> list[Problem]:
-    """List mistakes of the shape of a document itself."""
     data = document.data
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
@@ -76,7 +75,7 @@ def _problems(document: Document) -> list[Problem]:
         message = f"a spec is a mapping of sections, not {values.kind(data)}"
         return [Problem("E201", (), message, "start it with `taskspec: 1`")]
     model = Extension if EXTENDS in data else Spec
-    return [*_format(data), *_many(data), *_bases(document), *_roles(data), *fitted(data, model)[1]]
+    return [*_format(data), *_too_many_variants(data), *_bases(document), *_roles(data), *fitted(data, model)[1]]
 
 
 def _indented(data: Any, problems: list[Problem]) -> Iterator[Problem]:
@@ -283,8 +282,7 @@ def _format(data: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("E207", ("taskspec",), message, hint)
 
 
-def _many(data: dict[str, Any]) -> Iterator[Problem]:
-    """More variants than one file may have."""
+def _too_many_variants(data: dict[str, Any]) -> Iterator[Problem]:
     variants = data.get("variants")
     most = limits().variants
     if isinstance(variants, dict) and len(variants) > most:

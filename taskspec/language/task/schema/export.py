@@ -60,7 +60,6 @@ def keys_at(model: type[BaseModel], path: Path) -> tuple[str, ...]:
 
 @cache
 def _schema_with(model: type[BaseModel]) -> dict[str, Any]:
-    """Return a JSON Schema that defines a model."""
     root = json_schema()
     if model.__name__ not in root["$defs"]:
         root = {"$defs": {}, **TypeAdapter(model).json_schema(by_alias=True)}
