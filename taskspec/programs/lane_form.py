@@ -176,7 +176,10 @@ class LaneEmitter:
                     return self._elementwise(node, entry)
                 return self._reduction(node, entry)
             case Apply():
-                return STRUCTURE[node.op](self, node)
+                return self._structure(node)
+
+    def _structure(self, node: Apply) -> LaneValue:
+        return STRUCTURE[node.op](self, node)
 
     def _const(self, node: Const) -> LaneValue:
         if node.type.size <= self.unrolled:
