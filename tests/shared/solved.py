@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from taskspec.exact import Results
 from taskspec.exact.model.model import Model
 from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.bounded import Bound, Bounded
@@ -24,3 +25,12 @@ def worst(model: Model) -> Bound:
         return replace(found, value=-found.value)
     value: Bound = extreme(Bounded(model), False)
     return value
+
+
+def returns(results: Results) -> list[float]:
+    """The optimal, the random and the worst return, which are exact."""
+    values = []
+    for known in (results.optimal, results.random, results.worst):
+        assert known is not None and known.exact
+        values.append(known.value)
+    return values
