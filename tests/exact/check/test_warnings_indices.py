@@ -5,6 +5,7 @@ import pytest
 from taskspec.exact import check
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
+from tests.shared.diagnostics import with_code
 
 SPEC = """
 taskspec: 1
@@ -34,9 +35,9 @@ def warnings(reward: str, horizon: str = "9", bounds: str = ", low: 0, high: 0")
         text = text.replace("  x': clip(x + a / 2, 0, 5)\n", "").replace(
             "real, low: 0, high: 0", "int, low: 0, high: 0"
         )
-    found = check(build(read_text(text, "indices.yaml")), claims=False).diagnostics
-    assert not [d for d in found if d.severity == "error"], found
-    return [d.message for d in found if d.code == "W510"]
+    report = check(build(read_text(text, "indices.yaml")), claims=False)
+    assert not report.errors
+    return [d.message for d in with_code(report.warnings, "W510")]
 
 
 MOVED = {
@@ -83,6 +84,6 @@ def test_where_there_is_no_exact_model(reward: str, count: int) -> None:
 
 def test_the_place_is_that_of_the_index() -> None:
     text = SPEC.format(reward="1 + v[s - 2]", horizon="9", bounds="")
-    (found,) = [d for d in check(build(read_text(text, "indices.yaml")), claims=False).diagnostics if d.code == "W510"]
+    (found,) = with_code(check(build(read_text(text, "indices.yaml")), claims=False).diagnostics, "W510")
     assert found.span is not None
     assert text.splitlines()[found.span.line - 1][found.span.column - 1 :] == "s - 2]"

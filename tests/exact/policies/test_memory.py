@@ -17,6 +17,7 @@ from taskspec.exact.rollout.rollout import by_expert, simulate
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.diagnostics import codes, statuses, with_code
 from tests.shared.invariants import broken
 
 SEEN = "heard: heard"
@@ -162,17 +163,17 @@ def test_claims_are_about_what_it_remembers() -> None:
             likely *= Fraction(17, 20) if sound else Fraction(3, 20)
         chance += likely * (by_hand(1, heard)[0] != -5)
     report = check(tiger(more=CLAIMS.replace("37243 / 40000", f"{chance.numerator} / {chance.denominator}")))
-    assert [v.status for v in report.verdicts] == ["proved"] * 3 and not report.errors
-    assert [v.status for v in check(tiger(more=CLAIMS)).verdicts] == ["proved", "false", "proved"]
+    assert statuses(report.verdicts) == ["proved"] * 3 and not report.errors
+    assert statuses(check(tiger(more=CLAIMS)).verdicts) == ["proved", "false", "proved"]
 
 
 def test_examples_give_it_with_the_state() -> None:
     right = "examples: [{state: {lead: 2}, expert: {a: left}}, {state: {lead: 1}, expert: {a: listen}}]"
     assert not check(tiger(more=right)).errors
     wrong = check(tiger(more="examples: [{state: {lead: 2}, expert: {a: right}}]")).errors
-    assert [d.code for d in wrong] == ["E611"]
+    assert codes(wrong) == ["E611"]
     lacking = check(tiger(more="examples: [{state: {tiger: left}, expert: {a: right}}]")).errors
-    assert [d.code for d in lacking] == ["E613"] and "'lead'" in lacking[0].message
+    assert codes(lacking) == ["E613"] and "'lead'" in lacking[0].message
 
 
 WRONG = {
@@ -191,7 +192,7 @@ def test_mistakes_have_codes(memory: str) -> None:
     code, words = WRONG[memory]
     with pytest.raises(SpecError) as error:
         tiger(memory=memory)
-    found = [d for d in error.value.diagnostics if d.code == code]
+    found = with_code(error.value.diagnostics, code)
     assert found and any(words in f"{d.message} {d.hint}" for d in found)
 
 
@@ -256,7 +257,7 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
     After the last step `chosen` may be the door that was opened: nobody asks the expert there, though it then names no door.
     """
     changes = check(build(read_text(MONTY.replace("DOOR", "0 if opened == 3 else 3 - first - opened"))))
-    assert not {"W507", "E409"} & {d.code for d in changes.diagnostics}
+    assert not {"W507", "E409"} & set(changes.codes)
     keeps = check(build(read_text(MONTY.replace("DOOR", "first"))))
     assert [d.message for d in keeps.warnings if d.code == "W507"] == [
         "the expert returns 0.3333333333, which is 0.333333 below the optimum of 0.6666666667 of those who remember what they see"
@@ -264,7 +265,7 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
     without = MONTY.replace("memory: ", "definitions: {} # ").replace(
         "DOOR", "0 if opened == 3 else 3 - chosen - opened"
     )
-    assert "E409" not in {d.code for d in check(build(read_text(without))).diagnostics}
+    assert "E409" not in check(build(read_text(without))).codes
 
 
 def test_a_broken_observation_is_all_that_is_wrong() -> None:

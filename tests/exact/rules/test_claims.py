@@ -13,6 +13,7 @@ from taskspec.exact.rules.claim_rules import FUNCTIONS, MODELS, RESULTS
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.language import registry, source
 from taskspec.language.task.build import build
+from tests.shared.diagnostics import statuses
 from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import EVERY, specs, tasks_of
@@ -200,11 +201,11 @@ def test_claims_by_simulation() -> None:
 def test_cases_and_tolerance() -> None:
     text = PATH.replace("CLAIM", "{claim: states == n + 1, for: [{n: 1}, {n: 5}, {n: 9}]}")
     found = list(verdicts(build(source.read_text(text, "path.yaml"))))
-    assert [v.status for v in found] == ["proved"] * 3
+    assert statuses(found) == ["proved"] * 3
     assert [dict(v.parameters) for v in found] == [{"n": 1}, {"n": 5}, {"n": 9}]
     text = PATH.replace("CLAIM", "{claim: states == 6, for: [{n: 5}, {n: 6}, {n: 99}]}")
     found = list(verdicts(build(source.read_text(text, "path.yaml"))))
-    assert [v.status for v in found] == ["proved", "false", "broken"]
+    assert statuses(found) == ["proved", "false", "broken"]
     assert found[1].diagnostic is not None
     assert found[1].diagnostic.notes == ("for n = 6",)
     assert verdict("{claim: random_return == 0.6, tolerance: 0.1}").status == "proved"

@@ -13,6 +13,7 @@ from taskspec.language import source
 from taskspec.language.expressions.ir import draws
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.diagnostics import codes
 from tests.shared.for_each import for_each
 from tests.shared.specs import EVERY, specs, tasks_of
 
@@ -56,7 +57,7 @@ def problems(*examples: dict[str, Any], **sections: Any) -> list[Diagnostic]:
 
 def test_an_expert_that_is_worked_out_is_not_looked_at() -> None:
     found = problems({"state": {"s": 1}, "expert": {"a": "on"}}, expert="optimal")
-    assert [d.code for d in found] == ["E612"]
+    assert codes(found) == ["E612"]
 
 
 def test_the_note_says_for_which_parameters() -> None:
@@ -68,7 +69,7 @@ def test_what_cannot_be_enumerated_is_refused_before_it_costs() -> None:
     many = {"state": SPEC["state"] | {"p": {"type": "int", "shape": 12, "low": 0, "high": 11}}}
     start = {"initial": SPEC["initial"] | {"p": "Permutation(12)"}}
     example = {"initial": {"p": "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]"}, "probability": "1/479001600"}
-    assert [d.code for d in problems(example, **many, **start)] == ["E612"]
+    assert codes(problems(example, **many, **start)) == ["E612"]
     assert problems({"initial": {"p": "Permutation(12)"}}, **many, **start) == []
 
 
@@ -150,7 +151,7 @@ def test_check_runs_examples_without_being_asked() -> None:
     text = json.dumps(SPEC | {"examples": [AT | {"next": {"s": 2}}, AT | {"reward": {"2": "3/4", "-9": "1/4"}}]})
     report = check(build(source.read_text(text, "walk.yaml")))
     assert report.coverage.wrong_examples == {0}
-    assert "E611" in [d.code for d in report.errors]
+    assert "E611" in codes(report.errors)
 
 
 # -- pages ------------------------------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.exact.policies.test_memory import TURNS, tiger
 from tests.language.modifiers.test_modifiers import OBSERVED, small
+from tests.shared.diagnostics import statuses
 from tests.shared.specs import spec_file
 
 Look = Callable[[dict[str, Any], int], object]
@@ -204,7 +205,7 @@ def test_the_limit_holds_where_numbers_are_long() -> None:
 def test_claims_are_about_them() -> None:
     claims = "[optimal_return >= remembering_return, remembering_return >= memoryless_return, memoryless_return > 1000]"
     verdicts = check(drawn(3, claims=claims), ranges=False).verdicts
-    assert [v.status for v in verdicts] == ["proved", "proved", "false"]
+    assert statuses(verdicts) == ["proved", "proved", "false"]
 
 
 def test_what_is_all_seen_has_no_such_bounds() -> None:

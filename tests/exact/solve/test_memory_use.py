@@ -14,6 +14,7 @@ from taskspec.exact.solve import plans
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.diagnostics import statuses
 
 HANOI = """
 taskspec: 1
@@ -58,9 +59,7 @@ def test_the_return_of_a_planned_expert_keeps_no_policy_for_each_time() -> None:
     assert results.model is not None and results.model.n_states == 3**7
     assert peak(lambda: results.expert) < 3
     assert results.expert == Return(1.0)
-    assert (
-        peak(lambda: [v.status for v in verdicts(task(HANOI + "claims: ['prefers(optimal, source != target)']"))]) < 12
-    )
+    assert peak(lambda: statuses(verdicts(task(HANOI + "claims: ['prefers(optimal, source != target)']")))) < 12
 
 
 def test_plans_for_any_time_keep_a_few_of_them() -> None:

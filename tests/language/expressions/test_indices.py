@@ -19,6 +19,7 @@ from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement
+from tests.shared.diagnostics import codes
 from tests.shared.for_each import for_each
 
 SPEC = """
@@ -173,7 +174,7 @@ def test_a_state_keeps_to_its_range_on_every_backend(name: str, backend: str) ->
 def test_a_state_that_leaves_its_range_is_reported(name: str) -> None:
     """By `check`, and by the exact model."""
     task, _ = leaving(name)
-    assert [d.code for d in soundness(task)] == ["E404" if name == "the start" else "E403"]
+    assert codes(soundness(task)) == ["E404" if name == "the start" else "E403"]
     if task.is_finite and name not in ("far away", "the start"):
         with pytest.raises(SpecError, match="outside the state space"):
             extract(task)

@@ -7,6 +7,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact import soundness
 from taskspec.language import source
 from taskspec.language.task.build import build
+from tests.shared.diagnostics import codes
 
 
 def problems(document: source.Document, variant: str | None = None) -> tuple[Diagnostic, ...]:
@@ -70,7 +71,7 @@ def test_a_broken_definition_is_all_that_is_wrong(name: str, use: str) -> None:
         UNCALLED[UNCALLED.index('  "f(x') : UNCALLED.index("state:")], f'  {name}: "lambda x, y: x + y"\n'
     )
     found = problems(source.read_text(text.replace("reward: 0", f"reward: {use}")))
-    assert [p.code for p in found] == ["E316"]
+    assert codes(found) == ["E316"]
 
 
 @pytest.mark.parametrize("section", ["state", "action"])

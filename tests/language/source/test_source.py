@@ -8,6 +8,7 @@ import yaml
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.language import source
+from tests.shared.diagnostics import codes
 from tests.shared.for_each import for_each
 from tests.shared.places import written
 
@@ -110,7 +111,7 @@ def test_a_colon_glued_to_a_comma() -> None:
 
 def test_every_problem_is_reported() -> None:
     found = problems("a: 1\na: 2\nd: {x: f(1, 2)}\ne: {y}\nf: *g\n")
-    assert [each.code for each in found] == ["E101", "E106", "E103", "E102"]
+    assert codes(found) == ["E101", "E106", "E103", "E102"]
 
 
 def test_a_spec_copied_with_its_fences() -> None:
