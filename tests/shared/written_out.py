@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 HALF = Fraction(1, 2)
+Value = Callable[[int, int], Fraction]
+"""Of a state and a time."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +48,21 @@ class Table:
             f"reward:\n  by: [s, a, s']\n  rows:\n{pays}terminal: {ends}\n{seen}"
         )
 
+    def write(self, folder: Path, seen: str = "") -> Path:
+        path = folder / "random.yaml"
+        path.write_text(self.spec(seen), encoding="utf-8")
+        return path
+
+    def is_over(self, state: int, t: int) -> bool:
+        return t == self.horizon or (t > 0 and state in self.ends)
+
     def episodes(self) -> Iterator[tuple[Fraction, list[tuple[int, int, int, int]]]]:
         """Every episode of random actions: its probability, and its steps (state, action, next state, reward)."""
         for state, p in self.start.items():
             yield from self._going_on(state, p, [])
 
     def _going_on(self, state: int, p: Fraction, steps: list[Any]) -> Iterator[tuple[Fraction, list[Any]]]:
-        if len(steps) == self.horizon or (steps and state in self.ends):
+        if self.is_over(state, len(steps)):
             yield p, steps
             return
         for action in range(self.actions):
@@ -70,13 +82,38 @@ class Table:
             total += self.discount**t * reward
         return total
 
+    def action_value(self, state: int, t: int, action: int, value: Value) -> Fraction:
+        """The expected reward of an action, and the value after it."""
+        total = Fraction(0)
+        for after, p in self.leads[state, action].items():
+            total += p * (self.pays[state, action, after] + self.discount * value(after, t + 1))
+        return total
+
+    def action_values(self, state: int, t: int, value: Value) -> list[Fraction]:
+        return [self.action_value(state, t, action, value) for action in range(self.actions)]
+
     def expected(self, policy: dict[tuple[int, int], int], state: int, t: int = 0) -> Fraction:
         """The return of a policy from a state."""
+        if self.is_over(state, t):
+            return Fraction(0)
+        return self.action_value(state, t, policy[t, state], partial(self.expected, policy))
+
+    def best(self, state: int, t: int = 0) -> Fraction:
+        """The optimal return from a state."""
+        if self.is_over(state, t):
+            return Fraction(0)
+        return max(self.action_values(state, t, self.best))
+
+    def random(self, state: int, t: int = 0) -> Fraction:
+        """The return of random actions from a state."""
+        if self.is_over(state, t):
+            return Fraction(0)
+        return sum(self.action_values(state, t, self.random), Fraction(0)) / self.actions
+
+    def at_start(self, value: Value) -> Fraction:
         total = Fraction(0)
-        for after, p in self.leads[state, policy[t, state]].items():
-            total += p * self.pays[state, policy[t, state], after]
-            if t + 1 < self.horizon and after not in self.ends:
-                total += p * self.discount * self.expected(policy, after, t + 1)
+        for state, p in self.start.items():
+            total += p * value(state, 0)
         return total
 
 
@@ -108,16 +145,3 @@ def somewhere(rng: np.random.Generator, states: int) -> dict[int, Fraction]:
 
 
 TABLES = list(tables())
-
-
-def best_from(table: Table, state: int, t: int = 0) -> Fraction:
-    """The optimal return from a state, by going through what every action leads to."""
-    if t == table.horizon or (t and state in table.ends):
-        return Fraction(0)
-    values = []
-    for a in range(table.actions):
-        value = Fraction(0)
-        for n, p in table.leads[state, a].items():
-            value += p * (table.pays[state, a, n] + table.discount * best_from(table, n, t + 1))
-        values.append(value)
-    return max(values)

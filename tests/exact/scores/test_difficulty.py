@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -21,22 +22,22 @@ from taskspec.exact.scores.difficulty import MEASURES, difficulty
 from taskspec.language.task.task import Task
 from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
-from tests.shared.written_out import TABLES, Table, best_from
+from tests.shared.written_out import TABLES, Table
 
 
 @pytest.fixture(params=range(len(TABLES)))
 def written_out(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Table, exact.Results]:
     table = TABLES[request.param]
-    path = tmp_path / "random.yaml"
-    path.write_text(table.spec(), encoding="utf-8")
-    return table, exact.Results(load(path))
+    return table, exact.Results(load(table.write(tmp_path)))
 
 
 def test_luck_and_lengths_are_those_of_every_episode(written_out: tuple[Table, exact.Results]) -> None:
     table, results = written_out
-    best = paid = length = Fraction(0)
+    best = Fraction(0)
+    paid = Fraction(0)
+    length = Fraction(0)
     for p, steps in table.episodes():
-        best += p * (table.returned(steps) >= best_from(table, steps[0][0]))
+        best += p * (table.returned(steps) >= table.best(steps[0][0]))
         paid += p * any(step[3] for step in steps)
         length += p * len(steps)
     found = difficulty(results, ["best_at_random", "episodes_to_reward", "random_length"])
@@ -47,32 +48,33 @@ def test_luck_and_lengths_are_those_of_every_episode(written_out: tuple[Table, e
 
 def done_after(table: Table, state: int, t: int) -> bool:
     """Whether no action ever pays any more."""
-    if t == table.horizon or (t and state in table.ends):
+    if table.is_over(state, t):
         return True
-    return all(
-        table.pays[state, a, n] == 0 and done_after(table, n, t + 1)
-        for a in range(table.actions) for n in table.leads[state, a]
-    )  # fmt: skip
+    for a in range(table.actions):
+        for n in table.leads[state, a]:
+            if table.pays[state, a, n] != 0 or not done_after(table, n, t + 1):
+                return False
+    return True
 
 
 def steps_of(table: Table, policy: dict[tuple[int, int], int], state: int, t: int = 0) -> Fraction:
     """The expected steps of a policy until nothing pays any more."""
     if done_after(table, state, t):
         return Fraction(0)
-    leads = table.leads[state, policy[t, state]]
-    return 1 + sum((p * steps_of(table, policy, n, t + 1) for n, p in leads.items()), Fraction(0))
+    total = Fraction(1)
+    for n, p in table.leads[state, policy[t, state]].items():
+        total += p * steps_of(table, policy, n, t + 1)
+    return total
 
 
 def test_the_solution_is_the_shortest_of_all_optimal_policies(written_out: tuple[Table, exact.Results]) -> None:
     table, results = written_out
-
-    def total(function: Any, policy: Any) -> Fraction:
-        return sum((p * function(table, policy, s) for s, p in table.start.items()), Fraction(0))
-
-    returns = [(total(Table.expected, policy), policy) for policy in table.policies()]
-    top = max(value for value, _ in returns)
-    shortest = min(total(steps_of, policy) for value, policy in returns if value == top)
-    assert difficulty(results, ["solution_length"])["solution_length"] == pytest.approx(float(shortest))
+    top = table.at_start(table.best)
+    lengths = []
+    for policy in table.policies():
+        if table.at_start(partial(table.expected, policy)) == top:
+            lengths.append(table.at_start(partial(steps_of, table, policy)))
+    assert difficulty(results, ["solution_length"])["solution_length"] == pytest.approx(float(min(lengths)))
 
 
 # -- tasks of the suite, stepped through every sequence of actions -----------------------------------------------------
@@ -101,12 +103,11 @@ def outcomes(task: Task) -> Iterator[tuple[float, float, bool, int]]:
 def test_tasks_of_the_suite_by_every_sequence_of_actions(name: str, parameters: dict[str, int]) -> None:
     task = load(f"derail/{name}", **parameters)
     found = difficulty(task, ["best_at_random", "episodes_to_reward", "random_length"])
-    every = list(outcomes(task))
-    best = max(value for _, value, _, _ in every)
+    p, value, is_paid, steps = np.array(list(outcomes(task))).T
     expected = {
-        "best_at_random": sum(p for p, value, _, _ in every if value > best - 1e-9),
-        "episodes_to_reward": 1 / sum(p for p, _, paid, _ in every if paid),
-        "random_length": sum(p * steps for p, _, _, steps in every),
+        "best_at_random": p[value > value.max() - 1e-9].sum(),
+        "episodes_to_reward": 1 / (p @ is_paid),
+        "random_length": p @ steps,
     }
     assert dict(found) == pytest.approx(expected)
 
@@ -198,7 +199,9 @@ def test_every_measure_has_a_value_or_a_reason_on_every_task() -> None:
             assert (value is None) == (measure in found.why_not)
             assert value is None or math.isfinite(value)
         assert json.loads(json.dumps(found.record())) == found.record()
-        assert all(name in found._repr_html_() for name in MEASURES)
+        page = found._repr_html_()
+        for measure in MEASURES:
+            assert measure in page
 
 
 def test_names_choose_measures() -> None:

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import entropy
 
 from taskspec import load
 from taskspec.exact.model.extract import extract
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.lookahead import Gorp, _Lookahead
-from tests.shared.written_out import TABLES, Table, best_from
+from tests.shared.written_out import TABLES, Table, Value
 
 # -- what observations leave open ------------------------------------------------------------------------------------
 
@@ -25,25 +26,16 @@ observation:
 
 @pytest.mark.parametrize("table", TABLES[:6])
 def test_what_is_hidden_is_the_entropy_that_observations_leave(table: Table, tmp_path: Path) -> None:
-    path = tmp_path / "random.yaml"
-    path.write_text(table.spec(BLURRED), encoding="utf-8")
-    often: dict[tuple[int, int], Fraction] = {}
+    joint = np.zeros((table.states, 3))
     for p, steps in table.episodes():
         for state, *_ in steps:
-            seen = 1 if state == 0 else 2
-            clear = Fraction(1) if state == 1 else Fraction(3, 4)
-            often[state, seen] = often.get((state, seen), Fraction(0)) + p * clear
-            often[state, 0] = often.get((state, 0), Fraction(0)) + p * (1 - clear)
-    assert difficulty(path, ["hidden_bits"])["hidden_bits"] == pytest.approx(left_open(often), abs=1e-12)
-
-
-def left_open(often: dict[tuple[int, int], Fraction]) -> float:
-    """H(S | O) of a joint distribution of states and observations."""
-    whole = sum(often.values())
-    seen: dict[int, Fraction] = {}
-    for (_, o), p in often.items():
-        seen[o] = seen.get(o, Fraction(0)) + p
-    return -sum(float(p / whole) * math.log2(p / seen[o]) for (_, o), p in often.items() if p)
+            clear = 1.0 if state == 1 else 0.75
+            joint[state, 1 if state == 0 else 2] += p * clear
+            joint[state, 0] += p * (1 - clear)
+    hidden = entropy(joint.ravel(), base=2) - entropy(joint.sum(axis=0), base=2)
+    assert difficulty(table.write(tmp_path, BLURRED), ["hidden_bits"])["hidden_bits"] == pytest.approx(
+        hidden, abs=1e-12
+    )
 
 
 CHANNEL = """
@@ -82,76 +74,73 @@ def test_a_noisy_channel_keeps_what_it_can(seen: str, bits: float | None, tmp_pa
 # -- lookahead -------------------------------------------------------------------------------------------------------
 
 
-def action_values(table: Table, k: int, t: int, state: int) -> list[Fraction]:
-    """The action values of random actions after k - 1 backups."""
-    found = []
-    for action in range(table.actions):
-        total = Fraction(0)
-        for after, p in table.leads[state, action].items():
-            later = Fraction(0)
-            if t + 1 < table.horizon and after not in table.ends:
-                values = action_values(table, max(k - 1, 1), t + 1, after)
-                later = max(values) if k > 1 else sum(values, Fraction(0)) / table.actions
-            total += p * (table.pays[state, action, after] + table.discount * later)
-        found.append(total)
-    return found
+def after_backups(table: Table, k: int) -> Value:
+    """The value of random actions after k backups."""
+    if k == 0:
+        return table.random
+
+    def value(state: int, t: int) -> Fraction:
+        if table.is_over(state, t):
+            return Fraction(0)
+        return max(table.action_values(state, t, after_backups(table, k - 1)))
+
+    return value
 
 
-def is_optimal(table: Table, k: int, t: int, state: int) -> bool:
+def is_optimal(table: Table, k: int, state: int, t: int = 0) -> bool:
     """Whether everything that is greedy after k - 1 backups is optimal from a state on."""
-    values, best = (action_values(table, n, t, state) for n in (k, table.horizon))
-    for action, value in enumerate(values):
-        if value < max(values):
-            continue
-        if best[action] < max(best):
-            return False
-        leads = table.leads[state, action]
-        if t + 1 < table.horizon and not all(is_optimal(table, k, t + 1, n) for n in leads if n not in table.ends):
+    if table.is_over(state, t):
+        return True
+    values = table.action_values(state, t, after_backups(table, k - 1))
+    best = table.action_values(state, t, table.best)
+    for action in np.flatnonzero(np.array(values) == max(values)).tolist():
+        if best[action] < max(best) or not all(is_optimal(table, k, n, t + 1) for n in table.leads[state, action]):
             return False
     return True
 
 
 @pytest.mark.parametrize("table", TABLES)
 def test_lookahead_is_the_least_that_is_optimal(table: Table, tmp_path: Path) -> None:
-    path = tmp_path / "random.yaml"
-    path.write_text(table.spec(), encoding="utf-8")
-    least = next(k for k in range(1, table.horizon + 1) if all(is_optimal(table, k, 0, s) for s in table.start))
-    assert difficulty(path, ["lookahead"])["lookahead"] == least
+    least = 1
+    while not all(is_optimal(table, least, state) for state in table.start):
+        least += 1
+    assert difficulty(table.write(tmp_path), ["lookahead"])["lookahead"] == least
 
 
 def deterministic(seed: int) -> Table:
     rng = np.random.default_rng(seed)
-    pairs = list(product(range(4), range(2)))
-    leads = {pair: {int(rng.integers(4)): Fraction(1)} for pair in pairs}
-    pays = {(*pair, n): int(rng.integers(3)) * int(rng.integers(2)) for pair, n in product(pairs, range(4))}
+    leads = {}
+    pays = {}
+    for pair in product(range(4), range(2)):
+        leads[pair] = {int(rng.integers(4)): Fraction(1)}
+    for s, a, n in product(range(4), range(2), range(4)):
+        pays[s, a, n] = int(rng.integers(3)) * int(rng.integers(2))
     return Table(4, 2, 5, Fraction(1), {0: Fraction(1)}, leads, pays, frozenset())
 
 
-def play(table: Table, rng: np.random.Generator, state: int, t: int, actions: tuple[int, ...]) -> tuple[int, int]:
-    """What some actions, and random ones after them, are paid until the end; and where the first one leads."""
+def play(table: Table, rng: np.random.Generator, state: int, t: int, actions: tuple[int, ...]) -> int:
+    """The return of some actions, and of random ones after them until the end."""
     total = 0
-    first = -1
     for i in range(t, table.horizon):
         action = actions[i - t] if i - t < len(actions) else int(rng.integers(table.actions))
         (after,) = table.leads[state, action]
         total += table.pays[state, action, after]
         state = after
-        first = after if first < 0 else first
-    return total, first
+    return total
 
 
 def gorp(table: Table, k: int, m: int, rng: np.random.Generator) -> int:
     """The return of greedy over random policy; of tied actions it takes each as often."""
-    state = total = 0
+    state = 0
+    total = 0
     for t in range(table.horizon):
-        judged = dict.fromkeys(range(table.actions), -1)
+        judged = np.full(table.actions, -1)
         for actions in product(range(table.actions), repeat=min(k, table.horizon - t)):
-            found = sum(play(table, rng, state, t, actions)[0] for _ in range(m))
-            judged[actions[0]] = max(judged[actions[0]], found)
-        best = [a for a, found in judged.items() if found == max(judged.values())]
-        action = best[int(rng.integers(len(best)))]
+            returns = sum(play(table, rng, state, t, actions) for _ in range(m))
+            judged[actions[0]] = max(judged[actions[0]], returns)
+        action = int(rng.choice(np.flatnonzero(judged == judged.max())))
         (after,) = table.leads[state, action]
-        total = total + table.pays[state, action, after]
+        total += table.pays[state, action, after]
         state = after
     return total
 
@@ -160,16 +149,17 @@ def gorp(table: Table, k: int, m: int, rng: np.random.Generator) -> int:
 def test_greedy_over_random_succeeds_as_often_as_it_does_when_played(seed: int, tmp_path: Path) -> None:
     table = deterministic(seed)
     rng = np.random.default_rng(seed)
-    path = tmp_path / "random.yaml"
-    path.write_text(table.spec(), encoding="utf-8")
-    model = extract(load(str(path)))
+    model = extract(load(str(table.write(tmp_path))))
     exact = Gorp(model, _Lookahead(model).optimal)
-    best = best_from(table, 0)
+    best = table.best(0)
     for k, m in ((1, 1), (1, 4), (2, 2), (3, 1)):
         wins = np.mean([gorp(table, k, m, rng) == best for _ in range(400)])
         assert exact.success(k, m) == pytest.approx(wins, abs=4 * math.sqrt(0.25 / 400))
-    tried = [(k, m) for k in range(1, 6) for m in range(1, 33) if k + math.log2(m) <= 5]
-    enough = [k + math.log2(m) for k, m in tried if exact.success(k, m) >= 0.5 - 1e-9]
+    enough = []
+    for k, m in product(range(1, 6), range(1, 33)):
+        steps = k + math.log2(m)
+        if steps <= 5 and exact.success(k, m) >= 0.5 - 1e-9:
+            enough.append(steps)
     assert exact.horizon_in_steps() == pytest.approx(min(enough))
 
 
