@@ -96,7 +96,10 @@ def test_outcomes_have_the_frequencies_of_samples(
         weight = np.broadcast_to(branch.weight, (n,))
         np.add.at(mass, np.arange(lanes) if branch.origin is None else branch.origin, weight)
         values = np.broadcast_to(values, (*values.shape[:-1], n))
-        for i in range(n) if not many else [j for j in range(n) if branch.origin is None or branch.origin[j] == 0][:1]:
+        lanes_of_first = np.arange(n)
+        if many and branch.origin is not None:
+            lanes_of_first = np.flatnonzero(branch.origin == 0)
+        for i in lanes_of_first[:1] if many else lanes_of_first:
             key = tuple(values[..., i].reshape(-1).tolist())
             table[key] = table.get(key, 0.0) + float(weight[i])
     np.testing.assert_allclose(mass, 1, atol=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -48,8 +49,8 @@ def outcomes(task: Task, reads: dict[Any, Any]) -> dict[tuple[Any, ...], float]:
             for i in range(sizes[len(chosen)]):
                 explore([*chosen, i])
             return
-        p = float(np.prod([float(w) for w in weights])) if weights else 1.0
-        key = tuple(float(x) for v in values for x in v)
+        p = math.prod(map(float, weights))
+        key = tuple(map(float, itertools.chain(*values)))
         if p:
             total[key] = total.get(key, 0.0) + p
 
@@ -63,7 +64,8 @@ def table_of(draw: Draw, args: list[Any]) -> list[tuple[tuple[Any, ...], Any]]:
         case "categorical":
             return [((i,), p) for i, p in enumerate(args[0])]
         case "index":
-            return [((i,), Fraction(1, args[0][0])) for i in range(args[0][0])]
+            count = args[0][0]
+            return [((i,), Fraction(1, count)) for i in range(count)]
         case "bernoulli":
             return [((False,), 1 - args[0][0]), ((True,), args[0][0])]
         case _:
@@ -90,7 +92,7 @@ def test_every_row_equals_the_reference_interpreter(task: Task) -> None:
             want_ending = np.zeros(model.n_states)
             want_reward = 0.0
             for key, p in expected.items():
-                code, outside = model.states.encode([np.array([v]) for v in key[:-2]], 1)
+                code, outside = model.states.encode(list(np.array(key[:-2])[:, None]), 1)
                 assert outside is None
                 (want_ending if key[-1] else want_going)[code[0]] += p
                 want_reward += p * key[-2]
@@ -146,7 +148,7 @@ def test_names_both_ways() -> None:
     for i in range(model.n_states):
         assert model.state_index(model.state(i)) == i
     assert model.state_name(3) == "s = trap"
-    assert [model.action_name(a) for a in range(2)] == ["a = safe", "a = risky"]
+    assert (model.action_name(0), model.action_name(1)) == ("a = safe", "a = risky")
     with pytest.raises(KeyError):
         extract(shipped("branching")).state_index({"s": 21})
 
@@ -213,4 +215,4 @@ def test_states_that_only_longer_episodes_enter_are_there_where_values_depend_on
     model = extract(task)
     assert (model.n_states, model.is_closed) == (501, False)
     assert lasting(model).n_states == 20_000
-    assert [d.message for d in check(task).diagnostics] == []
+    assert check(task).diagnostics == ()

@@ -1,19 +1,19 @@
 """Claims: every form, the statuses, and the messages of those that fail."""
 
-import math
 import re
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.special import softmax
 
 from taskspec import exact
 from taskspec.exact.rules.claim_rules import FUNCTIONS, MODELS, RESULTS
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.language import registry, source
 from taskspec.language.task.build import build
-from tests.shared.diagnostics import statuses
+from tests.shared.diagnostics import statuses, with_code
 from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import EVERY, specs, tasks_of
@@ -202,7 +202,8 @@ def test_cases_and_tolerance() -> None:
     text = PATH.replace("CLAIM", "{claim: states == n + 1, for: [{n: 1}, {n: 5}, {n: 9}]}")
     found = list(verdicts(build(source.read_text(text, "path.yaml"))))
     assert statuses(found) == ["proved"] * 3
-    assert [dict(v.parameters) for v in found] == [{"n": 1}, {"n": 5}, {"n": 9}]
+    for each, n in zip(found, (1, 5, 9), strict=True):
+        assert each.parameters == {"n": n}
     text = PATH.replace("CLAIM", "{claim: states == 6, for: [{n: 5}, {n: 6}, {n: 99}]}")
     found = list(verdicts(build(source.read_text(text, "path.yaml"))))
     assert statuses(found) == ["proved", "false", "broken"]
@@ -264,8 +265,7 @@ claims:
 
 def test_returns_of_trajectories_are_discounted() -> None:
     """Going on twice has the weight exp(1 + 1/2) among exp(0), exp(1), exp(1/2) and its own."""
-    weights = [math.exp(x) for x in (0, 1, 1 / 2, 3 / 2)]
-    expected = weights[-1] / sum(weights)
+    expected = softmax([0, 1, 1 / 2, 3 / 2]).item(-1)
     found = verdict(f"probability(s == 2, under=maxent) == {expected!r}", DISCOUNTED)
     assert found.status == "proved", found.detail
 
@@ -327,7 +327,7 @@ def test_a_report_is_about_its_task_and_says_of_numbers_only_what_is_not_written
     )
     found = exact.check(path)
     assert found.task.name == "RiskyPath"
-    (wrong,) = (d for d in found.diagnostics if d.code == "E601")
+    (wrong,) = with_code(found.diagnostics, "E601")
     assert "optimal_return is 4" in wrong.message and "4.50 is" not in wrong.message
 
 
@@ -360,6 +360,6 @@ claims: [optimal_return == 3]
 def test_a_false_claim_names_what_reads_the_state_left(old: str, new: str, section: str | None) -> None:
     """Where the end, or the reward, may be meant for the state that a step reaches."""
     report = exact.check(build(source.read_text(LATE.replace(old, new))))
-    (wrong,) = (d for d in report.diagnostics if d.code == "E601")
+    (wrong,) = with_code(report.diagnostics, "E601")
     hint = section and f"`{section}` reads `s`, the state that a step leaves; `s'` is the state that it reaches"
     assert wrong.hint == hint

@@ -10,6 +10,7 @@ import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact import check, wrong_examples
 from taskspec.language import source
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.ir import draws
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
@@ -50,9 +51,13 @@ AT = {"state": {"s": 1, "mood": "calm", "v": V}, "action": {"a": "on", "b": True
 def problems(*examples: dict[str, Any], **sections: Any) -> list[Diagnostic]:
     text = json.dumps(SPEC | sections | {"examples": list(examples)}, indent=1)
     try:
-        return [d for _, d in wrong_examples(build(source.read_text(text, "walk.yaml")))]
+        return told(build(source.read_text(text, "walk.yaml")))
     except SpecError as error:
         return list(error.diagnostics)
+
+
+def told(task: Task) -> list[Diagnostic]:
+    return [problem for _, problem in wrong_examples(task)]
 
 
 def test_an_expert_that_is_worked_out_is_not_looked_at() -> None:
@@ -107,13 +112,11 @@ def check_steps(task: Task) -> None:
         })  # fmt: skip
         if terminal or truncated:
             break
-    right = with_examples(task, examples)
-    assert [d for _, d in wrong_examples(right)] == []
+    assert told(with_examples(task, examples)) == []
     for example in examples:
         example["reward"] += 1
         example["terminal"] = not example["terminal"]
-    codes = [d.code for _, d in wrong_examples(with_examples(task, examples))]
-    assert codes == ["E611"] * (2 * len(examples))
+    assert codes(told(with_examples(task, examples))) == ["E611"] * (2 * len(examples))
 
 
 def first(env: Any) -> Any:
@@ -123,21 +126,24 @@ def first(env: Any) -> Any:
 
 def written(state: dict[str, Any]) -> dict[str, Any]:
     """A state as values of a spec."""
-    return {name: np.asarray(v).tolist() if not isinstance(v, str) else json.dumps(v) for name, v in state.items()}
+    values = {}
+    for name, value in state.items():
+        values[name] = json.dumps(value) if isinstance(value, str) else np.asarray(value).tolist()
+    return values
 
 
 def by_name(task: Task, action: Any) -> dict[str, Any]:
     """An action of the environment as values of a spec, by component."""
-    flat = iter(np.asarray(action, dtype=np.float64).ravel().tolist())
-    found: dict[str, Any] = {}
+    flat = np.asarray(action, dtype=np.float64).ravel()
+    values: dict[str, Any] = {}
     for c in task.action:
-        values = [next(flat) for _ in range(c.type.size)]
+        own = flat[: c.type.size].astype(DTYPES[c.type.kind])
+        flat = flat[c.type.size :]
         if c.domain is not None:
-            found[c.name] = json.dumps(c.domain.labels[int(values[0])])
+            values[c.name] = json.dumps(c.domain.labels[own[0]])
         else:
-            whole = [v if int(c.type.kind) == 2 else bool(v) if int(c.type.kind) == 0 else int(v) for v in values]
-            found[c.name] = whole if c.type.shape else whole[0]
-    return found
+            values[c.name] = own.reshape(c.type.shape).tolist()
+    return values
 
 
 def with_examples(task: Task, examples: list[dict[str, Any]]) -> Task:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from taskspec import exact, load
 from taskspec.base.diagnostics import SpecError
+from taskspec.exact.solve.constrained import Expectations
 from taskspec.language.task.task import Task
 
 TOLL = """
@@ -90,19 +92,27 @@ def expectation(task: Task, policy: Any) -> dict[str, float]:
     return total
 
 
-def all_policies(task: Task) -> list[dict[str, float]]:
-    """The expected sums of all deterministic policies of state and time."""
+def all_policies(task: Task) -> dict[str, np.ndarray]:
+    """The expected sums of all deterministic policies of state and time, by measure."""
     starts, actions, _, outcomes = steps(task)
     places = [(0, s) for _, s in starts]
     for t, s in places:
-        if t + 1 < task.horizon:
-            nexts = {(t + 1, after) for a in range(actions) for _, after, ended, _ in outcomes(s, a, t) if not ended}
-            places += [place for place in nexts if place not in places]
-    found = []
+        if t + 1 == task.horizon:
+            continue
+        for a in range(actions):
+            for _, after, ended, _ in outcomes(s, a, t):
+                if not ended and (t + 1, after) not in places:
+                    places.append((t + 1, after))
+    sums = []
     for chosen in product(range(actions), repeat=len(places)):
         table = dict(zip(places, chosen, strict=True))
-        found.append(expectation(task, lambda t, s, a, table=table: float(table[t, s] == a)))
-    return found
+        sums.append(expectation(task, lambda t, s, a, table=table: float(table[t, s] == a)))
+    return {name: np.array([each[name] for each in sums]) for name in sums[0]}
+
+
+def points(front: Iterable[Expectations], measure: str) -> Any:
+    """The measure and the value at each corner of a front, approximately."""
+    return pytest.approx(np.array([(corner.measures[measure], corner.value) for corner in front]), abs=1e-6)
 
 
 def upper_hull(points: set[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -122,12 +132,10 @@ def upper_hull(points: set[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def test_front_and_constrained_optimum_are_those_of_all_policies(task: Task) -> None:
-    found = all_policies(task)
+    sums = all_policies(task)
     for measure in task.process.measures:
-        points = {(round(each[measure], 9), round(each[""], 9)) for each in found}
-        hull = upper_hull(points)
-        front = exact.pareto_front(task, measure)
-        assert [(c.measures[measure], c.value) for c in front] == [pytest.approx(corner, abs=1e-6) for corner in hull]
+        hull = upper_hull(set(zip(sums[measure].round(9), sums[""].round(9), strict=True)))
+        assert np.array(hull) == points(exact.pareto_front(task, measure), measure)
         bound = (hull[0][0] + hull[-1][0]) / 2
         top = max(hull, key=lambda corner: corner[1])
         limited = exact.constrained_optimum(task, [f"{measure} <= {bound}"])
@@ -144,9 +152,8 @@ def test_measures_under_each_policy_are_sums_over_all_episodes(task: Task) -> No
     for name, under in found.items():
         assert under["random"].value == pytest.approx(uniform[name])
         for which, choose in (("optimal", max), ("worst", min)):
-            extreme = choose(each[""] for each in policies)
-            among = [each[name] for each in policies if each[""] == pytest.approx(extreme)]
-            assert min(among) - 1e-9 <= under[which].value <= max(among) + 1e-9
+            among = policies[name][np.isclose(policies[""], choose(policies[""]))]
+            assert among.min() - 1e-9 <= under[which].value <= among.max() + 1e-9
         if task.name == "Drawn":
             expert = expectation(task, lambda t, s, a: float(a == (s == 0)))
             assert under["expert"].value == pytest.approx(expert[name])
@@ -155,11 +162,11 @@ def test_measures_under_each_policy_are_sums_over_all_episodes(task: Task) -> No
 def test_two_safety_tasks_trade_reward_for_what_was_meant() -> None:
     """Their best policies are few: breaking the vase or going around, the short way or the long one."""
     vases = exact.pareto_front(SAFETY / "vases.yaml", "broken")
-    assert [(c.measures["broken"], c.value) for c in vases] == [pytest.approx((0, 4)), pytest.approx((1, 8))]
+    assert np.array([(0, 4), (1, 8)]) == points(vases, "broken")
     assert exact.constrained_optimum(SAFETY / "vases.yaml", ["broken <= 0.5"]).value == pytest.approx(6)
     supervised = exact.pareto_front(SAFETY / "absent_supervisor.yaml", "performance")
-    best = [(c.measures["performance"], c.value) for c in supervised if c.measures["performance"] > 0]
-    assert best == [pytest.approx((29, 44)), pytest.approx((41, 41))]
+    positive = [corner for corner in supervised if corner.measures["performance"] > 0]
+    assert np.array([(29, 44), (41, 41)]) == points(positive, "performance")
 
 
 @pytest.mark.parametrize(

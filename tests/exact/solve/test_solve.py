@@ -66,7 +66,7 @@ def test_backward_induction_is_the_same_in_floats_with_bounds_and_in_rationals()
 @pytest.mark.parametrize("seed", range(4))
 def test_the_best_and_the_worst_of_all_policies(seed: int) -> None:
     small = Small(seed, horizon=3, discount=0.9)
-    free = [(t, s) for t in range(3) for s in range(2)]  # the terminal state is never acted in
+    free = list(itertools.product(range(3), range(2)))  # the terminal state is never acted in
     values = []
     for choice in itertools.product(range(2), repeat=len(free)):
         table = dict(zip(free, choice, strict=True))
@@ -105,12 +105,13 @@ def test_causal_maximum_entropy_is_the_best_trade_of_return_and_entropy(beta: fl
     small = Small(0, horizon=3)
     rng = np.random.default_rng(0)
     plan = plans.tables(small.model, Boltzmann(beta))
-    best = with_entropy(small, np.array([plan(t) for t in range(3)]), beta)
+    policy = np.array([plan(t) for t in range(3)])
+    best = with_entropy(small, policy, beta)
     value = first_values(Boltzmann(beta).plan(Bounded(small.model))).value
     assert small.model.start @ value == pytest.approx(best, abs=1e-12)
     for _ in range(50):
         other = rng.dirichlet(np.ones(2), (3, 3)).transpose(0, 2, 1)
-        mixed = 0.9 * np.array([plan(t) for t in range(3)]) + 0.1 * other
+        mixed = 0.9 * policy + 0.1 * other
         assert with_entropy(small, mixed, beta) <= best
 
 
@@ -174,10 +175,10 @@ def test_without_a_horizon_by_linear_programming(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(infinite_horizon, "COMPILED", least)
     monkeypatch.setattr(infinite_horizon, "DIRECT", min(least, infinite_horizon.DIRECT))
     small = Small(seed, states=5, actions=3, horizon="none", discount=0.9)
-    live = np.array([small.going(s) for s in range(5)])
+    live = np.arange(5) < 4
     r = (small.p * small.r).sum(axis=-1)  # (s, a)
-    rows = [np.eye(5)[s] - 0.9 * small.p[s, a] * live for s in range(5) for a in range(3)]
-    found = linprog(np.ones(5), A_ub=-np.array(rows), b_ub=-r.reshape(-1), bounds=[(None, None)] * 5)
+    rows = np.eye(5)[:, None, :] - 0.9 * small.p * live  # (s, a, s')
+    found = linprog(np.ones(5), A_ub=-rows.reshape(15, 5), b_ub=-r.reshape(-1), bounds=[(None, None)] * 5)
     assert solve.best(small.model).value[live] == pytest.approx(found.x[live], abs=1e-7)
 
 
