@@ -6,7 +6,6 @@ probe is the upper part of its word, so that what a component holds says which w
 
 import json
 import re
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -149,19 +148,25 @@ def spec(sections: str) -> Task:
 def probed(value: Any) -> Any:
     match value:
         case dict():
-            return {probed(k): probed(v) for k, v in value.items()}
-        case list():
-            return [probed(v) for v in value]
+            return dict(map(probed, value.items()))
+        case list() | tuple():
+            return list(map(probed, value))
         case str():
             return re.sub(r"\bU\b", U, value)
         case _:
             return value
 
 
-def held(task: Task, program: ReferenceProgram, seen: Sequence[tuple[Any, ...]], reward: float = 0) -> dict[str, Any]:
-    """Values by component of the state, or else of the observation."""
-    values = {c.name: v[0] for c, v in zip(task.observation.components, seen, strict=True)}
-    return values | {c.name: v[0] for c, v in zip(task.state, program.state, strict=True)} | {"reward": reward}
+def check_words(
+    expected: dict[str, int], task: Task, program: ReferenceProgram, seen: Any, reward: float, given: list[int]
+) -> None:
+    """Components of the state and of the observation, and the reward, hold the words with the numbers that are expected."""
+    components = (*task.observation.components, *task.state)
+    values = {"reward": reward}
+    for component, value in zip(components, (*seen, *program.state), strict=True):
+        values[component.name] = value[0]
+    for name, number in expected.items():
+        assert values[name] == given[number] >> 12, name
 
 
 @for_each("name", ORDER)
@@ -170,14 +175,10 @@ def test_order(name: str) -> None:
     task = spec(case.sections)
     program = ReferenceProgram(task, SEED)
     seen = program.reset()
-    given = [w >> 12 for w in words(SEED, RESET, 0, 40)]
-    now = held(task, program, seen)
-    assert {c: now[c] for c in case.reset} == {c: given[k] for c, k in case.reset.items()}
+    check_words(case.reset, task, program, seen, 0, words(SEED, RESET, 0, 40))
     for n in range(STEPS):
         seen, reward, *_ = program.step([(1,)])
-        given = [w >> 12 for w in words(SEED, STEP, n, 40)]
-        now = held(task, program, seen, reward)
-        assert {c: now[c] for c in case.step} == {c: given[k] for c, k in case.step.items()}
+        check_words(case.step, task, program, seen, reward, words(SEED, STEP, n, 40))
 
 
 @for_each("name", ORDER)
@@ -189,7 +190,7 @@ def test_order_in_environments(name: str) -> None:
     seen = program.reset()
     (first, _) = env.reset(seed=SEED)
     for _ in range(STEPS):
-        assert np.array_equal(np.ravel(first), np.concatenate([np.float32(s) for s in seen]))
+        assert np.array_equal(np.ravel(first), np.concatenate(seen).astype(np.float32))
         seen, reward, terminal, _ = program.step([(1,)])
         first, *rest = env.step(1)
         assert rest[:2] == [reward, terminal]

@@ -42,8 +42,8 @@ def uniform(w: int) -> F:
 
 
 def running(w: int, p: Sequence[float]) -> int:
-    sums = np.cumsum([max(F(q), F(0)) for q in p], dtype=F)
-    return sum(bool(s <= uniform(w) * sums[-1]) for s in sums[:-1])
+    sums = np.cumsum(np.maximum(np.array(p, F), 0), dtype=F)
+    return int(np.sum(sums[:-1] <= uniform(w) * sums[-1]))
 
 
 def poisson(w: int, rate: float) -> int:
@@ -58,35 +58,34 @@ def poisson(w: int, rate: float) -> int:
         weights[k] = weights[k - 1] * (rate / k)
         k += 1
     counts = sorted(weights)
-    return counts[outcome(w, [weights[c] for c in counts])]
+    return counts[outcome(w, list(map(weights.__getitem__, counts)))]
 
 
 def counted(w: int, rate: float, bound: float) -> int:
     """Of a rate that changes, by one of its words."""
     parts = max(1, math.ceil(bound / 64))
     x = min(max(F(rate), F(0)), F(bound)) / F(parts)
-    term = total = F(1)
+    term = F(1)
+    total = F(1)
     totals = [total]
     for k in range(1, poisson(2**32 - 1, bound / parts) + 1):
         term = term * x / F(k)
         total = total + term
         totals.append(total)
-    return sum(bool(t <= uniform(w) * totals[-1]) for t in totals[:-1])
+    return int(np.sum(np.array(totals[:-1]) <= uniform(w) * total))
 
 
 THIRDS = [Fraction(1, 3), Fraction(1, 2), Fraction(1, 6)]
-ROWS = [[Fraction(1, 7)] * 7, [Fraction(k, 28) for k in range(1, 8)]]
+ROWS = np.array([[Fraction(1, 7)] * 7, np.arange(1, 8) * Fraction(1, 28)])
+NEAR = [-20, -11, -10, -9, -2, -1, 0, 1, 2, 9, 10, 11, 20]
+STEPS_DOWN = [0, -1, -2, -3, 9, 8, 7, 18, 17]
 VALUES: dict[str, Callable[[Words, int], Any]] = {
     "UniformInt(-3, 11)": lambda w, y: -3 + (w[0] * 15 >> 32),
     "UniformInt(0, y)": lambda w, y: w[0] * (y + 1) >> 32,
     "UniformInt(y, 2)": lambda w, y: y + (w[0] * max(1, 3 - y) >> 32),
     "Uniform({5, 3, 5, 8})": lambda w, y: [5, 3, 8][w[0] * 3 >> 32],
-    "sum(Uniform({p for p in box(-2, 2, 2) if norm1(p) <= 2}) * (10, 1))": lambda w, y: [
-        10 * a + b for a in range(-2, 3) for b in range(-2, 3) if abs(a) + abs(b) <= 2
-    ][w[0] * 13 >> 32],
-    "Uniform({10 * i - j for i in range(3) for j in range(4) if j >= i})": lambda w, y: [
-        10 * i - j for i in range(3) for j in range(i, 4)
-    ][w[0] * 9 >> 32],
+    "sum(Uniform({p for p in box(-2, 2, 2) if norm1(p) <= 2}) * (10, 1))": lambda w, y: NEAR[w[0] * 13 >> 32],
+    "Uniform({10 * i - j for i in range(3) for j in range(4) if j >= i})": lambda w, y: STEPS_DOWN[w[0] * 9 >> 32],
     "Categorical([1/3, 1/2, 1/6])": lambda w, y: outcome(w[0], THIRDS),
     "sum(Categorical([1/3, 1/2, 1/6], shape=2) * (3, 1))": lambda w, y: (
         3 * outcome(w[0], THIRDS) + outcome(w[1], THIRDS)
@@ -98,15 +97,13 @@ VALUES: dict[str, Callable[[Words, int], Any]] = {
     "Bernoulli(1/3)": lambda w, y: w[0] < round(Fraction(2**32, 3)),
     "Bernoulli(y / 40)": lambda w, y: uniform(w[0]) < F(y / 40),
     "Bernoulli([0, 1/10])[1]": lambda w, y: w[1] < round(Fraction(2**32, 10)),
-    "sum(Permutation(4) * (1, 10, 100, 1000))": lambda w, y: sum(
-        10**i * k for i, k in enumerate(sorted(range(4), key=lambda k: w[k]))
-    ),
+    "sum(Permutation(4) * (1, 10, 100, 1000))": lambda w, y: int(np.argsort(w[:4], kind="stable") @ [1, 10, 100, 1000]),
     "Poisson(0)": lambda w, y: 0,
     "Poisson(1/4)": lambda w, y: poisson(w[0], 0.25),
     "Poisson(31.5)": lambda w, y: poisson(w[0], 31.5),
     "Poisson(900)": lambda w, y: poisson(w[0], 900.0),
     "Poisson(clip(y / 2, 0, 20))": lambda w, y: counted(w[0], y / 2, 20),
-    "Poisson(min(3 * y, 150))": lambda w, y: sum(counted(w[k], 3 * y, 120) for k in range(2)),
+    "Poisson(min(3 * y, 150))": lambda w, y: counted(w[0], 3 * y, 120) + counted(w[1], 3 * y, 120),
     "Poisson(min(y / 1.0, 200))": lambda w, y: sum(counted(w[k], y, 200) for k in range(4)),
     "z: Uniform(-2, 5)": lambda w, y: -2 + 7 * float(uniform(w[0])),
     "z: Normal(y, 3)": lambda w, y: y + 3 * float(CODE["normals"](w[0], w[1])[0]),
@@ -123,14 +120,14 @@ def valued(written: str) -> Task:
             f"""
 taskspec: 1
 name: Values
-constants: {{rows: [[1/7, 1/7, 1/7, 1/7, 1/7, 1/7, 1/7], [k / 28 for k in range(1, 8)]]}}
+constants: {{rows: [[1/7, 1/7, 1/7, 1/7, 1/7, 1/7, 1/7], "[k / 28 for k in range(1, 8)]"]}}
 state: {{y: {{type: int, low: 0, high: 40}}, x: {{type: int}}, z: {{type: real}}}}
 action: {{a: {{type: bool}}}}
 horizon: none
 initial: {{y: 0, x: 0, z: 0}}
 dynamics: {{{target}': {text}, y': (y + 7) % 41}}
 reward: 0
-""".replace("[k / 28 for k in range(1, 8)]", '"[k / 28 for k in range(1, 8)]"')
+"""
         )
     )
 
@@ -194,7 +191,7 @@ reward: 0
     program.reset()
 
     def probes(name: str) -> list[int]:
-        return [w >> 12 for w in words(SEED, CONSTANT, zlib.crc32(name.encode()), 3)]
+        return (np.array(words(SEED, CONSTANT, zlib.crc32(name.encode()), 3)) >> 12).tolist()
 
     early = probes("early")[1]
     assert program.state == [(early,), (early + probes("late")[0],), tuple(probes("größe"))]

@@ -51,8 +51,10 @@ def test_ints_that_single_floats_make_too_wide_are_refused(high: str, reward: st
 def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend: str, seen: str) -> None:
     task = build(read_text(SPEC.format(high="0.99999999", reward=0, seen=seen)))
     env = VectorEnvironment(task, 1, backend=backend)
-    shown = [env.reset(seed=0)[0], *(env.step(np.zeros(1, int))[0] for _ in range(2))]
-    assert all(env.single_observation_space.contains(one[0]) for one in shown), (shown, env.single_observation_space)
+    shown, _ = env.reset(seed=0)
+    for _ in range(3):
+        assert env.single_observation_space.contains(shown[0]), shown
+        shown, *_ = env.step(np.zeros(1, int))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,7 @@ def test_ends_that_single_floats_hold_give_no_room_for_more(seen: str, values: i
 
 
 def value(dtype: type[np.floating], columns: list[np.ndarray], expr: str) -> np.ndarray:
-    x, y = (column.astype(dtype) for column in columns)
+    x, y = np.array(columns, dtype)
     v = np.stack([x, y, x * y])
     return {"sum": v.sum(axis=0, dtype=dtype), "product": x * y - x, "shares": (x / (y + dtype(3))) * y}[expr]
 
@@ -80,7 +82,8 @@ def value(dtype: type[np.floating], columns: list[np.ndarray], expr: str) -> np.
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.99999999), (-1.0, 1.0), (0.1, 16777217.0)])
 def test_values_in_single_floats_are_within_their_bounds(expr: str, low: float, high: float) -> None:
     b = Builder()
-    x, y = (b.read(Role.STATE, name, REAL, low, high) for name in "xy")
+    x = b.read(Role.STATE, "x", REAL, low, high)
+    y = b.read(Role.STATE, "y", REAL, low, high)
     three: Node = b.structure("vector", [x, y, b.apply("mul", x, y)])
     node = {
         "sum": b.apply("sum", three),
@@ -90,6 +93,6 @@ def test_values_in_single_floats_are_within_their_bounds(expr: str, low: float, 
     least, most = single(node)
     ends = np.array([low, high, (low + high) / 2])
     points = np.concatenate([ends, np.random.default_rng(0).uniform(low, high, 1000)])
-    columns = [part.reshape(-1) for part in np.meshgrid(points, points)]
+    columns = list(np.array(np.meshgrid(points, points)).reshape(2, -1))
     found = value(np.float32, columns, expr).astype(float)
     assert least <= found.min() and found.max() <= most

@@ -7,7 +7,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact import soundness
 from taskspec.language import source
 from taskspec.language.task.build import build
-from tests.shared.diagnostics import codes
+from tests.shared.diagnostics import codes, with_code
 
 
 def problems(document: source.Document, variant: str | None = None) -> tuple[Diagnostic, ...]:
@@ -46,8 +46,13 @@ reward: 0
 """
 
 
+def told(text: str) -> list[tuple[str, str]]:
+    """The codes of problems, and the marked text."""
+    return [(problem.code, _written(text, problem)) for problem in problems(source.read_text(text))]
+
+
 def test_functions_that_nothing_calls_are_checked() -> None:
-    found = [(p.code, _written(UNCALLED, p)) for p in problems(source.read_text(UNCALLED))]
+    found = told(UNCALLED)
     assert found[:4] == [("E302", "yy"), ("E303", "maxx"), ("E302", "j"), ("E304", "f(x)")]
     assert found[4:] == [("E304", "all(x > 0, x < 9)"), ("E305", "x")]
 
@@ -59,7 +64,7 @@ def test_functions_that_nothing_calls_are_checked() -> None:
 def test_both_sides_of_a_comparison_are_checked(reward: str, names: list[str]) -> None:
     head = UNCALLED.replace(UNCALLED[UNCALLED.index("definitions") : UNCALLED.index("state:")], "")
     text = head.replace("reward: 0", f"reward: {reward}")
-    assert [_written(text, p) for p in problems(source.read_text(text))] == names
+    assert [marked for _, marked in told(text)] == names
 
 
 @pytest.mark.parametrize(
@@ -79,7 +84,7 @@ def test_a_task_has_a_state_and_an_action(section: str) -> None:
     lines = {"state": "state: {n: {type: bool}}", "action": "action: {a: {type: bool}}", section: f"{section}: {{}}"}
     text = "taskspec: 1\nname: X\n" + "\n".join(lines.values()) + "\nhorizon: 5\ninitial: {}\ndynamics: {}\nreward: 1\n"
     found = problems(source.read_text(text))
-    assert ("E210", f"`{section}:` names no component") in [(p.code, p.message) for p in found]
+    assert f"`{section}:` names no component" in with_code(found, "E210")[0].message
 
 
 def test_what_can_be_one_value_only_starts_as_it() -> None:

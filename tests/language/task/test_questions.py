@@ -54,12 +54,10 @@ def test_draws_and_reads_of_next_values(
 
 
 def test_the_kinds_of_expressions() -> None:
-    assert {name: questions.component(node) for name, node in SEEN.items()} == {
-        "seen": "s", "pair": None, "fixed": None, "late": None,
-    }  # fmt: skip
-    assert {name: questions.constant(node) for name, node in SEEN.items() if name != "pair"} == {
-        "seen": None, "fixed": 7, "late": None,
-    }  # fmt: skip
+    for name, component in (("seen", "s"), ("pair", None), ("fixed", None), ("late", None)):
+        assert questions.component(SEEN[name]) == component
+    for name, constant in (("seen", None), ("fixed", 7), ("late", None)):
+        assert questions.constant(SEEN[name]) == constant
     first, second = questions.elements(SEEN["pair"]) or ()
     assert (questions.component(first), questions.constant(second)) == ("angle", 3)
     assert questions.elements(SEEN["seen"]) is None

@@ -1,6 +1,6 @@
 """The shape of specs: what is accepted, what is said about the rest, and the JSON Schema."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,15 +52,15 @@ def all_problems(text: str) -> list[tuple[str, str, str, str]]:
     for section in ("state", "action"):
         if f"\n{section}:" not in text:
             text += f"{section}: {{{section[0]}: {{type: choice, values: [only]}}}}\n"
-    return [each for each in listed(attempts(source.read_text(text))[1]) if each[0] != "E210"]
+    return listed(each for each in attempts(source.read_text(text))[1] if each.code != "E210")
 
 
-def listed(found: tuple[Diagnostic, ...]) -> list[tuple[str, str, str, str]]:
-    assert all(each.span is not None for each in found)
-    return [
-        (each.code, f"{each.span.line}:{each.span.column}", each.message, each.hint or "")  # type: ignore[union-attr]
-        for each in found
-    ]
+def listed(diagnostics: Iterable[Diagnostic]) -> list[tuple[str, str, str, str]]:
+    rows = []
+    for each in diagnostics:
+        assert each.span is not None
+        rows.append((each.code, f"{each.span.line}:{each.span.column}", each.message, each.hint or ""))
+    return rows
 
 
 @for_each("path", SPECS)
@@ -70,9 +70,8 @@ def test_our_own_specs_have_the_right_shape(path: Path) -> None:
 
 def test_every_problem_is_reported() -> None:
     text = HEAD + "state: {s: {type: intt}}\nreward: [{if: null}, {then: 1}]\nzzz: 1\n"
-    assert [each[0] for each in all_problems(text)] == [
-        "E206", "E209", "E218", "E209", "E202",
-    ]  # fmt: skip
+    codes, *_ = zip(*all_problems(text), strict=True)
+    assert codes == ("E206", "E209", "E218", "E209", "E202")
 
 
 @pytest.mark.parametrize(("text", "words"), [("- 1\n", "a list"), ("hello\n", "`hello`")])
@@ -96,19 +95,18 @@ def test_variants_may_leave_out_and_remove() -> None:
     assert problems(text) == []
 
 
-def of_task(text: str, variant: str | None = None) -> list[tuple[str, str, str]]:
-    """Code, place and message of what building a task, or a variant of it, says."""
+def of_task(text: str) -> list[tuple[str, str, str, str]]:
+    """Code, place, message and hint of what building a task says."""
     with pytest.raises(SpecError) as caught:
-        build(source.read_text(text), variant)
-    return [(d.code, f"{d.span.line}:{d.span.column}" if d.span else "", d.message) for d in caught.value.diagnostics]
+        build(source.read_text(text))
+    return listed(caught.value.diagnostics)
 
 
 def test_what_a_task_needs() -> None:
     found = of_task(HEAD)
     sections = ["state", "action", "initial", "dynamics", "reward", "horizon"]
-    assert [each[:2] for each in found] == [("E210", "2:7")] * 6
-    for section, (_, _, message) in zip(sections, found, strict=True):
-        assert f"`{section}:`" in message
+    for section, (code, place, message, _) in zip(sections, found, strict=True):
+        assert (code, place) == ("E210", "2:7") and f"`{section}:`" in message
 
 
 def test_components_must_be_declared() -> None:
@@ -158,7 +156,8 @@ def keys(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
             yield from keys(item, path)
     elif isinstance(schema, dict):
         properties = schema.get("properties", {})
-        yield from ((f"{path}.{key}", value) for key, value in properties.items())
+        for key, value in properties.items():
+            yield f"{path}.{key}", value
         for key, value in schema.items():
             if key not in ("if", "then"):
                 yield from keys(value, f"{path}.{key}")
@@ -167,7 +166,8 @@ def keys(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
 def test_every_key_of_the_json_schema_is_documented() -> None:
     found = dict(keys(json_schema()))
     assert len(found) > 80
-    assert [path for path, value in found.items() if not value.get("description")] == []
+    for path, value in found.items():
+        assert value.get("description"), path
 
 
 def references(schema: Any) -> Iterator[str]:
@@ -180,7 +180,8 @@ def references(schema: Any) -> Iterator[str]:
 
 def test_every_reference_of_the_json_schema_leads_somewhere() -> None:
     schema = json_schema()
-    assert {ref.removeprefix("#/$defs/") for ref in references(schema)} <= set(schema["$defs"])
+    for reference in references(schema):
+        assert reference.removeprefix("#/$defs/") in schema["$defs"]
     assert "x-form" not in str(schema)
 
 

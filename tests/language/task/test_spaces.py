@@ -31,9 +31,10 @@ def test_a_batch_is_its_rows_stacked(name: str) -> None:
     task = taskspec.load(name)
     for layout in (task.observation_layout, task.action_layout):
         given = columns(layout)
-        rows = [pack(layout, [tuple(c[i].tolist()) for c in given]) for i in range(ROWS)]
         batch = pack_many(layout, given)
-        for key in rows[0] if layout.is_dict else [...]:
-            one = np.stack([row[key] for row in rows] if layout.is_dict else rows)
-            many = batch[key] if layout.is_dict else batch
-            np.testing.assert_array_equal(one, many, strict=True)
+        for i in range(ROWS):
+            row = pack(layout, [tuple(column[i].tolist()) for column in given])
+            for key in row if layout.is_dict else [...]:
+                one = row[key] if layout.is_dict else row
+                many = batch[key] if layout.is_dict else batch
+                np.testing.assert_array_equal(np.asarray(one), np.asarray(many[i]), strict=True)
