@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp, softmax
 
 import taskspec
 from taskspec import exact
@@ -16,22 +17,21 @@ TASK = taskspec.load("RiskyPath")
 
 
 def soft_return(beta: float) -> float:
-    """Of the Boltzmann policy of soft values on RiskyPath, worked out with loops over its five steps."""
-    reward = {2: 1.0, 3: -100.0}
-    moves = {0: [{1: 1.0}, {2: 0.5, 3: 0.5}], 1: [{2: 1.0}, {1: 1.0}], 2: [{2: 1.0}] * 2, 3: [{3: 1.0}] * 2}
-    value = dict.fromkeys(moves, 0.0)
-    paid = dict.fromkeys(moves, 0.0)
+    """Of the Boltzmann policy of soft values on RiskyPath, over its five steps."""
+    P = np.zeros((4, 2, 4))  # states start, detour, goal and trap
+    P[0] = [[0, 1, 0, 0], [0, 0, 0.5, 0.5]]
+    P[1] = [[0, 0, 1, 0], [0, 1, 0, 0]]
+    P[2, :, 2] = 1
+    P[3, :, 3] = 1
+    reward = np.array([0.0, 0.0, 1.0, -100.0])
+    value = np.zeros(4)
+    paid = np.zeros(4)
     for _ in range(5):
-        q = {
-            s: [sum(p * (reward.get(n, 0) + value[n]) for n, p in a.items()) for a in acts] for s, acts in moves.items()
-        }
-        own = {
-            s: [sum(p * (reward.get(n, 0) + paid[n]) for n, p in a.items()) for a in acts] for s, acts in moves.items()
-        }
-        weights = {s: np.exp(beta * (np.array(row) - max(row))) for s, row in q.items()}
-        value = {s: max(q[s]) + float(np.log(w.sum())) / beta for s, w in weights.items()}
-        paid = {s: float((w / w.sum()) @ np.array(own[s])) for s, w in weights.items()}
-    return paid[0]
+        q = P @ (reward + value)
+        policy = softmax(beta * q, axis=1)
+        value = logsumexp(beta * q, axis=1) / beta
+        paid = (policy * (P @ (reward + paid))).sum(axis=1)
+    return float(paid[0])
 
 
 @pytest.mark.parametrize("beta", [0.01, 1.0, 3.0])

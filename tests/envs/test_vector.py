@@ -1,7 +1,7 @@
 """Vector environments: the same trajectories as scalar ones, and Gymnasium's vector interface."""
 
-from pathlib import Path
-from typing import get_args
+from itertools import product
+from typing import Any, get_args
 
 import gymnasium as gym
 import numpy as np
@@ -12,48 +12,33 @@ import taskspec
 from taskspec import SpecError
 from taskspec.envs import ActionError, NotRunningError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.language.source import read_file
-from taskspec.language.task.merge import complete
-from taskspec.language.task.task import Task
 from taskspec.programs import backend_table
 from taskspec.programs.backend_table import BACKENDS, BackendName
+from tests.programs.test_trajectories import EVERY, load, name
 from tests.shared.conformance import Agreement, check_environment
 from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
-from tests.shared.specs import spec_file, varied_files
+from tests.shared.specs import spec_file
 
 MODES = ("NextStep", "SameStep", "Disabled")
 LANES = (1, 2, 7, 64)
 
 
-def every_task() -> list[tuple[str, str | None]]:
-    """All tasks of DERAIL by id, and varied ones by path and variant."""
-    shipped = [(task_id, None) for task_id in taskspec.task_ids() if task_id.startswith("derail/")]
-    return shipped + [(str(p), v) for p in varied_files() for v in complete(read_file(p))]
-
-
-def name_of(task: tuple[str, str | None]) -> str:
-    return Path(task[0]).stem + (f"-{task[1]}" if task[1] else "")
-
-
-def load(task: tuple[str, str | None]) -> Task:
-    return taskspec.load(task[0]) if task[1] is None else taskspec.load(task[0], task[1])
-
-
-TASKS = every_task()
-WALKS = [(task, lanes) for i, task in enumerate(TASKS) for lanes in LANES[i % 2 :: 2]]
+WALKS: list[Any] = []
 """Few lanes and many, in turns."""
+for i, task in enumerate(EVERY):
+    WALKS += product([task], LANES[i % 2 :: 2], MODES)
 
 
 @pytest.mark.parametrize(
-    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 7),
-    ids=lambda x: name_of(x) if isinstance(x, tuple) else x,
+    ("task", "lanes", "mode"), sparse(WALKS, 7),
+    ids=lambda x: name(x) if isinstance(x, tuple) else x,
 )  # fmt: skip
 def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes: int, mode: str) -> None:
     Agreement(load(task), "numpy", lanes, mode).run(30 if lanes < 10 else 15)
 
 
-@pytest.mark.parametrize("task", TASKS[::8], ids=name_of)
+@pytest.mark.parametrize("task", EVERY[::8], ids=name)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taskspec.programs.numpy.BLOCK", 9)
     for mode in MODES:
@@ -63,7 +48,7 @@ def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkey
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("backend", ["numba", "jax"])
-@pytest.mark.parametrize("task", TASKS, ids=name_of)
+@pytest.mark.parametrize("task", EVERY, ids=name)
 def test_compiled_backends_walk_the_scalar_trajectories(task: tuple[str, str | None], backend: str, mode: str) -> None:
     pytest.importorskip(backend)
     for lanes in LANES:
@@ -117,13 +102,13 @@ def test_blocks_of_lanes_make_no_difference() -> None:
 def test_threads_make_no_difference() -> None:
     pytest.importorskip("numba")
     task = taskspec.load("derail/RiskyPath-v0")
-    envs = [VectorEnvironment(task, 5000, backend="numba", num_threads=n) for n in (1, 3)]
+    one = VectorEnvironment(task, 5000, backend="numba", num_threads=1)
+    other = VectorEnvironment(task, 5000, backend="numba", num_threads=3)
     actions = np.random.default_rng(0).integers(0, 2, (12, 5000))
-    for env in envs:
-        env.reset(seed=3)
+    one.reset(seed=3)
+    other.reset(seed=3)
     for action in actions:
-        one, other = (env.step(action) for env in envs)
-        assert all(np.array_equal(a, b) for a, b in zip(one[:4], other[:4], strict=True))
+        np.testing.assert_equal(other.step(action), one.step(action))
 
 
 # -- Gymnasium's interface ----------------------------------------------------------------------------------------
@@ -156,13 +141,11 @@ def test_a_sync_vector_env_walks_the_same_trajectory() -> None:
     assert np.array_equal(fast.reset(seed=9)[0], slow.reset(seed=9)[0])
     for _ in range(70):
         action = slow.action_space.sample()
-        ours = fast.step(action)
-        theirs = slow.step(action)
-        assert all(np.array_equal(a, b) for a, b in zip(ours[:4], theirs[:4], strict=True))
+        np.testing.assert_equal(fast.step(action)[:4], slow.step(action)[:4])
 
 
 def test_observations_are_in_the_space() -> None:
-    for task in (t for t in TASKS if "/" in t[0]):
+    for task in EVERY:
         env = VectorEnvironment(load(task), 3, backend="numpy")
         seen, _ = env.reset(seed=0)
         assert env.observation_space.contains(seen)
@@ -266,7 +249,7 @@ def taskspec_state(seed: int) -> dict[str, object]:
 # -- the kit itself -----------------------------------------------------------------------------------------------
 
 
-@for_each("task", TASKS)
+@for_each("task", EVERY)
 def test_scalar_environments_conform(task: tuple[str, str | None]) -> None:
     check_environment(lambda: taskspec.make(load(task)))
 

@@ -22,16 +22,10 @@ from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
-LOCAL = [(str(path), v) for path in varied_files() for v in complete(read_file(path))]
-EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in paper_ids()), *LOCAL]
-SMALL = {
-    "B": 12,
-    "L": 8,
-    "S": 6,
-    "K": 4,
-    "N": 8,
-    "D": 6,
-}  # keeps random parameters quick to enumerate and draw
+EVERY: list[tuple[str, str | None]] = [(task_id, None) for task_id in paper_ids()]
+for path in varied_files():
+    EVERY += product([str(path)], complete(read_file(path)))
+SMALL = {"B": 12, "L": 8, "S": 6, "K": 4, "N": 8, "D": 6}  # keeps random parameters quick to enumerate and draw
 
 
 def name(case: tuple[str, str | None]) -> str:
@@ -94,7 +88,7 @@ def test_defaults(case: tuple[str, str | None]) -> None:
     walk_together(taskspec.make(load(case)), 2**63 + 12_345, 30)
 
 
-@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 9), ids=name)
+@pytest.mark.parametrize("case", sparse(zip(EVERY, strict=True), 9), ids=name)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:
@@ -130,7 +124,8 @@ def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
     copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
     if not alive:
         first = env.reset()[0]
-        assert all(same(c.reset()[0], first) for c in copies)
+        for other in copies:
+            assert same(other.reset()[0], first)
     for _ in range(20):
         action = env.action_space.sample()
         result = env.step(action)
@@ -142,4 +137,5 @@ def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
             assert same(rest[3], result[4])
         if result[2] or result[3]:
             first = env.reset()[0]
-            assert all(same(c.reset()[0], first) for c in copies)
+            for other in copies:
+                assert same(other.reset()[0], first)

@@ -59,6 +59,10 @@ def test_the_expectation_of_an_estimator_with_a_mistake_has_the_wrong_sign(
     assert list(expected(probe, estimate)) == [Fraction(wrong), -Fraction(wrong)]
 
 
+def suite_of(task_id: str) -> str:
+    return task_id.partition("/")[0]
+
+
 @pytest.mark.parametrize(
     ("terms", "expected"),
     [
@@ -76,8 +80,8 @@ def test_an_exam_asks_the_probes_unless_told_otherwise(terms: dict[str, Any], ex
         raise CannotLearn("")
 
     examine(train, seeds=1, twins=0, peeks=False, **terms)
-    assert {name: granted[name] for name in expected} == expected
-    assert {name.partition("/")[0] for name in granted} == {name.partition("/")[0] for name in expected}
+    assert granted.items() >= expected.items()
+    assert set(map(suite_of, granted)) == set(map(suite_of, expected))
 
 
 def _q_learning(case: Case, counts_ends: bool) -> np.ndarray:
@@ -107,10 +111,12 @@ def past_the_end(case: Case) -> np.ndarray:
 def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
     asked = ["EndInPlace", "Hazard", "SecondThought", "Sizes", "Patience", "Echo"]
     found = examine(past_the_end, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
-    assert [each["name"] for each in found["diagnoses"]] == ["past_ends"]
+    (diagnosis,) = found["diagnoses"]
+    assert diagnosis["name"] == "past_ends"
     again = examine(right, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
     assert again["diagnoses"] == []
-    assert {round(score["deterministic"], 9) for score in again["scores"]} == {1.0}
+    for score in again["scores"]:
+        assert score["deterministic"] == pytest.approx(1, abs=1e-9)
 
 
 @learns_from("reward")
@@ -129,4 +135,5 @@ def opposite(case: Case) -> np.ndarray:
 def test_policies_that_do_not_follow_from_their_values_are_diagnosed(learner: Any, name: str) -> None:
     asked = ["EndInPlace", "Hazard", "SecondThought", "CoinToss", "Sizes", "Patience", "Echo"]
     found = examine(learner, suite="probes", tasks=asked, seeds=3, steps=2000, twins=0)
-    assert [each["name"] for each in found["diagnoses"]] == [name]
+    (diagnosis,) = found["diagnoses"]
+    assert diagnosis["name"] == name
