@@ -12,6 +12,7 @@ import pytest
 import taskspec
 from taskspec.exact import scores
 from tests.shared.seals import original
+from tests.shared.specs import paper_ids
 
 PAGE = (Path(__file__).parents[2] / "docs" / "explain" / "fidelity.md").read_text(encoding="utf-8")
 SECTIONS = dict(part.split("\n", 1) for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:])
@@ -23,7 +24,7 @@ def rows(point: str) -> Iterator[tuple[str, str, str]]:
     """Section, and the last two cells, of every row about a point: of the code, and of ours."""
     for title, text in SECTIONS.items():
         for line in text.splitlines():
-            cells = [cell.strip() for cell in line.split("|")]
+            cells = re.split(r" *\| *", line)
             if len(cells) == 6 and cells[1] == point:
                 yield title, cells[3], cells[4]
 
@@ -33,10 +34,9 @@ def last_number(cell: str) -> float:
 
 
 def test_there_is_a_section_for_every_task() -> None:
-    suites = [i.removesuffix("-v0").split("/") for i in taskspec.task_ids() if i.startswith(("derail/", "seals/"))]
-    names = {name for _, name in suites if not name.endswith("Seals")}
-    missing = [name for name in names if not any(name.startswith(title) for title in SECTIONS)]
-    assert not missing
+    for task in paper_ids():
+        name = task.partition("/")[2].removesuffix("-v0")
+        assert name.endswith("Seals") or name.startswith(tuple(SECTIONS)), task
 
 
 @pytest.mark.parametrize(("title", "code", "ours"), list(rows("horizon")))
@@ -48,9 +48,9 @@ def test_horizons(title: str, code: str, ours: str) -> None:
 
 @pytest.mark.parametrize(("title", "code", "ours"), [*rows("best return"), *rows("random return")])
 def test_returns(title: str, code: str, ours: str) -> None:
-    pair = [scores(f"derail/{OURS.get(title, title)}{variant}") for variant in ("Seals", "")]
     which = "optimal" if (title, code, ours) in set(rows("best return")) else "random"
-    for found, cell in zip(pair, (code, ours), strict=True):
+    for variant, cell in (("Seals", code), ("", ours)):
+        found = scores(f"derail/{OURS.get(title, title)}{variant}")
         assert getattr(found, which).value == pytest.approx(last_number(cell), rel=1e-9)
 
 
@@ -82,12 +82,12 @@ def test_the_goal_of_branching_in_the_code() -> None:
 
 @pytest.mark.slow
 def test_what_the_wind_costs() -> None:
-    lines = [line.split("|")[1:4] for line in SECTIONS["CliffWorld"].splitlines() if line.startswith("| CliffWorld")]
-    assert len(lines) == 3
-    for name, best, windless in lines:
-        theirs = original(name.strip()).unwrapped
+    table = re.findall(r"^\| (CliffWorld\w*) *\|(.*?)\|(.*?)\|", SECTIONS["CliffWorld"], re.MULTILINE)
+    assert len(table) == 3
+    for name, best, windless in table:
+        theirs = original(name).unwrapped
         sizes = {"width": theirs.width, "height": theirs.height, "horizon": theirs.horizon}
-        calm = original(name.strip(), **sizes, fail_p=0.0).unwrapped
+        calm = original(name, **sizes, fail_p=0.0).unwrapped
         assert planned(theirs, theirs) == pytest.approx(float(best), abs=5e-4)
         assert planned(calm, theirs) == pytest.approx(float(windless), abs=5e-4)
 

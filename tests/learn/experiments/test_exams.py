@@ -52,13 +52,13 @@ def test_every_learner_is_examined_on_every_instance(tmp_path: Path) -> None:
     done = Done("exam", spec(tmp_path, TEXT), "-o", tmp_path / "out", "-j", 1)
     assert done.status == 0, done.out + done.err
     instances = ["derail/Branching-v0?L=2", "derail/Branching-v0?L=4", "derail/RiskyPath-v0"]
-    cloned, lost = (scores(tmp_path / "out" / f"counting-{name}" / "exam.json") for name in ("clone", "indifferent"))
+    cloned = scores(tmp_path / "out" / "counting-clone" / "exam.json")
+    lost = scores(tmp_path / "out" / "counting-indifferent" / "exam.json")
     assert list(cloned) == list(lost) == instances
     assert list(cloned.values()) == [1.0, 1.0, 1.0]
     assert lost["derail/Branching-v0?L=2"] == pytest.approx(0.0, abs=1e-12)
-    rows = [line.split() for line in done.out.splitlines()]
-    assert ["Branching,", "L=4", "1.00", "0.00"] in rows
-    assert ["counting-clone", "counting-indifferent"] in rows
+    assert re.search(r"^\s*Branching, L=4 +1\.00 +0\.00\s*$", done.out, re.MULTILINE)
+    assert re.search(r"^\s*counting-clone +counting-indifferent\s*$", done.out, re.MULTILINE)
     assert (tmp_path / "out" / "paths.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 
@@ -113,7 +113,7 @@ def test_an_experiment_without_learners_cannot_be_an_exam(tmp_path: Path) -> Non
 def test_a_learner_that_is_none_is_found_by_a_check_at_its_place(tmp_path: Path, name: str, words: str) -> None:
     path = spec(tmp_path, TEXT.replace(f"{LEARNERS}:indifferent", name))
     done = Done("check", path)
-    line = TEXT.splitlines().index(next(x for x in TEXT.splitlines() if x.startswith("learners"))) + 1
+    line = TEXT.partition("learners:")[0].count("\n") + 1
     assert done.status == 1 and words in done.err + done.out and f":{line}:" in done.err + done.out
 
 
@@ -140,15 +140,17 @@ def test_a_task_that_a_learner_is_not_made_for_is_left_out_and_not_failed(tmp_pa
     terms = ("--tasks", "Branching,RiskyPath", "--seeds", 2, "--steps", 10, "--transitions", 20, "--twins", 1, "-j", 1)
     done = Done("exam", f"{path}:train", *terms, "-o", tmp_path / "out")
     found: dict[str, Any] = json.loads((tmp_path / "out" / "exam.json").read_text(encoding="utf-8"))
-    assert {score["task"] for score in found["scores"]} == {"derail/RiskyPath-v0"}
+    assert scores(tmp_path / "out" / "exam.json").keys() == {"derail/RiskyPath-v0"}
     assert "exploration" not in found["verdicts"]
-    assert [flag["kind"] for flag in found["flags"] if "Branching" in flag["task"]] == []
+    for flag in found["flags"]:
+        assert "Branching" not in flag["task"]
     assert "too many paths" in found["tasks"]["derail/Branching-v0"]["cannot"]
     assert found["tasks"]["derail/RiskyPath-v0"]["cannot"] is None
     assert "cannot learn Branching: too many paths" in " ".join(done.out.split())
     assert "too many paths" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     failed = Done("exam", f"{path}:clumsy", *terms, "-o", tmp_path / "other", "--json").data
-    assert "failed" in {flag["kind"] for flag in failed["flags"] if "Branching" in flag["task"]}
+    kinds = {(flag["task"], flag["kind"]) for flag in failed["flags"]}
+    assert ("derail/Branching-v0", "failed") in kinds
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

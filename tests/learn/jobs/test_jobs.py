@@ -10,7 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,9 @@ def kept(path: Path) -> dict[str, JobResult]:
 
 
 def begun(log: Path) -> list[int]:
-    return [int(line) for line in log.read_text().split()] if log.exists() else []
+    if not log.exists():
+        return []
+    return list(map(int, log.read_text().split()))
 
 
 def program(*arguments: object) -> subprocess.Popen[str]:
@@ -72,22 +74,23 @@ def code(error: pytest.ExceptionInfo[SpecError]) -> str:
 # -- what comes of a job ------------------------------------------------------------------------------------------
 
 
+def job(name: str, function: Any, *arguments: Any, **options: Any) -> Job:
+    return Job(name, name, function, arguments, **options)
+
+
 def troubles(folder: Path) -> list[Job]:
-    calls: dict[str, tuple[Any, tuple[Any, ...]]] = {
-        "wrong": (jobs.wrong, ("no luck",)),
-        "refused": (jobs.refused, ()),
-        "no data": (jobs.odd, ()),
-        "leaves": (jobs.leave, ()),
-        "not there": ("nowhere:at_all", ()),
-        "not packed": (jobs.square, (lambda: 0,)),
-        "by its place": ("tests.shared.jobs:square", (5,)),
-        "dies": (jobs.die, (str(folder / "dies"),)),
-        "dies once": (jobs.die_once, (str(folder / "dies once"),)),
-        "turns": (jobs.turn, ()),
-        "deaf": (jobs.deaf, ()),
-        "holds": (jobs.hold, ()),
-    }
-    return [Job(f"key of {name}", name, *call) for name, call in calls.items()]
+    return [
+        job("wrong", jobs.wrong, "no luck"), job("refused", jobs.refused), job("no data", jobs.odd),
+        job("leaves", jobs.leave), job("not there", "nowhere:at_all"), job("not packed", jobs.square, lambda: 0),
+        job("by its place", "tests.shared.jobs:square", 5), job("dies", jobs.die, str(folder / "dies")),
+        job("dies once", jobs.die_once, str(folder / "dies once")), job("turns", jobs.turn), job("deaf", jobs.deaf),
+        job("holds", jobs.hold),
+    ]  # fmt: skip
+
+
+def numbered(rows: Iterable[JobResult], count: int) -> bool:
+    """Whether these are the results of `jobs.squares`."""
+    return [row.value for row in rows] == [jobs.square(x) for x in range(count)]
 
 
 TROUBLE = {
@@ -113,8 +116,8 @@ def check_troubles(rows: dict[str, JobResult], folder: Path) -> None:
     assert found["by its place"].value == {"x": 5, "square": 25}
     assert found["dies once"].value == {"x": 7, "square": 49}
     assert (found["dies"].attempts, found["dies once"].attempts, found["wrong"].attempts) == (2, 2, 1)
-    assert [len(begun(folder / name)) for name in ("dies", "dies once")] == [2, 1]
-    assert [found[f"the square of {x}"].value["square"] for x in range(20)] == [x * x for x in range(20)]
+    assert (len(begun(folder / "dies")), len(begun(folder / "dies once"))) == (2, 1)
+    assert numbered(list(rows.values())[-20:], 20)
 
 
 def test_what_fails_hangs_or_dies_is_named_while_the_rest_is_done(tmp_path: Path) -> None:
@@ -126,10 +129,10 @@ def test_what_fails_hangs_or_dies_is_named_while_the_rest_is_done(tmp_path: Path
         assert list(rows) == [job.key for job in wanted]
         assert {row.name for row in rows.values() if row.status != "done"} == set(TROUBLE)
         assert told[0] == ("jobs 0/32", 0.0) and told[-1] == ("jobs 32/32, 10 failed", 1.0)
-        assert [share for _, share in told] == sorted(share or 0 for _, share in told)
+        assert told == sorted(told, key=lambda words: words[1] or 0)
         assert run(wanted, store, Running(2)) == rows
         again = run(wanted[:1], store, Running(1, retry=True))
-        assert again["key of wrong"].attempts == 2
+        assert again["wrong"].attempts == 2
 
 
 def test_jobs_are_taken_when_they_are_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +149,7 @@ def test_jobs_are_taken_when_they_are_needed(tmp_path: Path, monkeypatch: pytest
                 yield job
 
         running.run_many(many(), 120, store, Running(1))
-        assert [row.value["square"] for row in store.results().values()] == [x * x for x in range(60)]
+        assert numbered(store.results().values(), 60)
 
 
 def test_a_list_on_disk_is_one_of_different_things() -> None:
@@ -160,36 +163,38 @@ def test_a_list_on_disk_is_one_of_different_things() -> None:
 
 
 def test_a_limit_may_hold_for_a_part_of_a_job(tmp_path: Path) -> None:
-    cases = {"work of its own": (0.6, 0.0), "the limited part": (0.0, 0.6)}
-    wanted = [Job(name, name, jobs.partly_limited, times, limits_itself=True) for name, times in cases.items()]
+    wanted = [
+        job("work of its own", jobs.partly_limited, 0.6, 0.0, limits_itself=True),
+        job("the limited part", jobs.partly_limited, 0.0, 0.6, limits_itself=True),
+    ]
     with Store(tmp_path / "store") as store:
         rows = run(wanted, store, Running(1, seconds=0.3))
-    assert [row.status for row in rows.values()] == ["done", "timed_out"]
+    assert (rows["work of its own"].status, rows["the limited part"].status) == ("done", "timed_out")
 
 
 def test_each_group_stays_with_its_process(tmp_path: Path) -> None:
     """The first and the last job of each group wait for those of the other, so that both processes are at work all the time."""
-    pairs = {"a": "b", "b": "a"}
     wanted = []
-    for group, other in pairs.items():
+    for group, other in (("a", "b"), ("b", "a")):
         for number in range(5):
             name = f"{group}{number}"
             waits_for = f"{other}{number}" if number in (0, 4) else name
-            wanted.append(Job(name, name, jobs.meet, (str(tmp_path), name, waits_for), group=group))
+            wanted.append(job(name, jobs.meet, str(tmp_path), name, waits_for, group=group))
     with Store(tmp_path / "store") as store:
         rows = run(wanted, store, Running(2))
-    processes = {group: {row.value for key, row in rows.items() if key.startswith(group)} for group in pairs}
-    assert len(processes["a"]) == len(processes["b"]) == 1 and processes["a"] != processes["b"]
+    for name, row in rows.items():
+        assert row.value == rows[f"{name[0]}0"].value
+    assert rows["a0"].value != rows["b0"].value
 
 
 def test_what_jobs_print_is_kept_apart(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     printed = tmp_path / "printed.txt"
-    wanted = [Job(name, name, jobs.talk, (f"this is {name}", str(tmp_path / name))) for name in ("one", "two")]
+    one = job("one", jobs.talk, "this is one", str(tmp_path / "one"))
+    two = job("two", jobs.talk, "this is two", str(tmp_path / "two"))
     with Store(tmp_path / "store") as store:
-        run([*wanted, *jobs.squares(1)], store, Running(2), printed=printed)
-    blocks = [f"-- {name}\nthis is {name}\nand aloud" for name in ("one", "two") for _ in range(2)]
+        run([one, two, *jobs.squares(1)], store, Running(2), printed=printed)
     found = printed.read_text().replace("\n-- ", "\n\n-- ").strip().split("\n\n")
-    assert sorted(found) == blocks
+    assert sorted(found) == 2 * ["-- one\nthis is one\nand aloud"] + 2 * ["-- two\nthis is two\nand aloud"]
     assert capfd.readouterr() == ("", "")
 
 
@@ -206,10 +211,9 @@ def test_libraries_have_one_thread_in_each_process_unless_told_otherwise(
         monkeypatch.setenv("OMP_NUM_THREADS", given)
         monkeypatch.setenv("PJRT_NPROC", given)
     wanted = [
-        Job("openmp", "openmp", "tests.shared.jobs:variable", ("OMP_NUM_THREADS",)),
-        Job("jax", "jax", "tests.shared.jobs:threads"),
-        Job("hits", "hits", jobs.compiled_again),
-    ]
+        job("openmp", "tests.shared.jobs:variable", "OMP_NUM_THREADS"), job("jax", "tests.shared.jobs:threads"),
+        job("hits", jobs.compiled_again),
+    ]  # fmt: skip
     with Store(tmp_path / "results.sqlite") as store:
         found = run(wanted, store, Running(1))
     assert (found["openmp"].value, found["jax"].value) == (str(count), count)
@@ -240,10 +244,10 @@ def test_the_file_gives_back_what_was_recorded_and_keeps_what_is_done(tmp_path: 
         store.record([result("a", value=2), result("b", value=3)])
         assert store.results() == kept(path) == {"a": first[0], "b": result("b", value=3), "c": first[2]}
         assert list(store.results(["c", "x", "a"])) == ["c", "a"]
-        many = [f"m{i}" for i in range(1200)]
-        store.record([result(key) for key in many])
+        many = list(map(str, range(1200)))
+        store.record(map(result, many))
         assert list(store.results([*many, "z"])) == many
-    assert sorted(p.name for p in path.parent.iterdir()) == ["store", "store-lock"]
+    assert sorted(path.parent.iterdir()) == [path, path.parent / "store-lock"]
 
 
 def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
@@ -333,12 +337,14 @@ def killed_twice(folder: Path, seconds: float, *cluster: str, meanwhile: Callabl
         before.append((len(begun(log)), kept(path)))
     assert finished(program(path, log, 200, seconds, *cluster)) == (0, "")
     rows = kept(path)
-    assert {key: (row.name, row.status, row.value) for key, row in rows.items()} == {
-        f"k{x}": (f"the square of {x}", "done", {"x": x, "square": x * x}) for x in range(200)
-    }
+    for x in range(200):
+        row = rows[f"k{x}"]
+        assert (row.name, row.status, row.value) == (f"the square of {x}", "done", {"x": x, "square": x * x})
+    assert len(rows) == 200
     for count, then in before:
-        assert len(then) < 200 and {key: rows[key] for key in then} == then
-        assert {f"k{x}" for x in begun(log)[count:]}.isdisjoint(then)
+        assert len(then) < 200 and then.items() <= rows.items()
+        for x in begun(log)[count:]:
+            assert f"k{x}" not in then
 
 
 def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -416,10 +422,11 @@ def test_an_address_without_a_cluster_is_a_message(tmp_path: Path, monkeypatch: 
 def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path) -> None:
     """As on Windows: the process is ended, and the next job has a new one."""
     with Store(tmp_path / "store") as store, Workers(1) as workers:
-        run([Job("first", "first", jobs.without_signals)], store, workers=workers)
-        rows = run([Job("turn", "turn", jobs.turn), *jobs.squares(2)], store, Running(seconds=0.5), workers=workers)
-    (late,) = (row for row in rows.values() if row.status != "done")
+        run([job("first", jobs.without_signals)], store, workers=workers)
+        rows = run([job("turn", jobs.turn), *jobs.squares(2)], store, Running(seconds=0.5), workers=workers)
+    late = rows.pop("turn")
     assert late.status == "timed_out" and "could not be interrupted" in str(late.message)
+    assert numbered(rows.values(), 2)
 
 
 # -- functions in files -------------------------------------------------------------------------------------------

@@ -66,8 +66,9 @@ def test_preferences_are_a_dataset_of_imitation() -> None:
     dataset = found.imitation()
     (first, second), labels = dataset[:]
     assert labels.tolist() == found.preferences.tolist()
-    held = [segment.rews.tolist() for pair in zip(first, second, strict=True) for segment in pair]
-    assert held == [t.rews.tolist() for t in found.trajectories]
+    for one, other, pair in zip(first, second, found.pairs, strict=True):
+        assert one.rews.tolist() == pair[0].rews.tolist()
+        assert other.rews.tolist() == pair[1].rews.tolist()
 
 
 def test_a_dataset_of_minari_holds_the_episodes_and_their_environment(tmp_path: Path) -> None:
@@ -81,6 +82,6 @@ def test_a_dataset_of_minari_holds_the_episodes_and_their_environment(tmp_path: 
     for episode in dataset.iterate_episodes():
         seen, _ = env.reset(seed=int(episode.id))
         assert seen == episode.observations[0]
-        steps = [env.step(action) for action in episode.actions]
-        assert [step[0] for step in steps] == episode.observations[1:].tolist()
-        assert [step[1] for step in steps] == episode.rewards.tolist() and steps[-1][3] == episode.truncations[-1]
+        seen, rewards, _, truncated, _ = zip(*map(env.step, episode.actions), strict=True)
+        assert np.array_equal(seen, episode.observations[1:])
+        assert np.array_equal(rewards, episode.rewards) and truncated[-1] == episode.truncations[-1]

@@ -31,7 +31,8 @@ def played() -> tuple[World, Any, Any, rloo_grpo_dpo.GroupEpisodes]:
     """Two policies, and six pairs of episodes of the first."""
     world = World.of(taskspec.load(TASK), absorb=False)
     first, second, begin, noise = jax.random.split(jax.random.key(3), 4)
-    actor, other = (init_actor(key, world, (8,)) for key in (first, second))
+    actor = init_actor(first, world, (8,))
+    other = init_actor(second, world, (8,))
     louder = other._replace(net=jax.tree.map(lambda x: 3 * x, other.net))
     play = jax.jit(
         lambda actor: rloo_grpo_dpo.play(world, actor, rloo_grpo_dpo.begin_groups(world, begin, 6, 2), noise)
@@ -50,9 +51,9 @@ def test_a_group_begins_in_one_state_and_goes_on_by_chance() -> None:
 def test_episodes_are_over_at_their_ends() -> None:
     _, _, _, episodes = played()
     ended = np.asarray(episodes.steps.ended)
-    expected = [(np.cumsum(column) - column == 0) for column in ended.T]
-    assert np.array_equal(np.asarray(episodes.live).T, expected)
-    assert len(set(np.asarray(episodes.live).sum(0).tolist())) > 2
+    live = np.asarray(episodes.live)
+    assert np.array_equal(live, np.cumsum(ended, axis=0) - ended == 0)
+    assert len(np.unique(live.sum(axis=0))) > 2
 
 
 @pytest.mark.parametrize("name", ["rloo", "grpo"])
@@ -74,14 +75,14 @@ def test_the_loss_of_groups_is_the_oracle_s(average: Any) -> None:
     world, actor, other, episodes = played()
     config = replace(learner("paper/grpo").settings, average=average, kl=0.3)
     update = rloo_grpo_dpo.GroupUpdate(config, world)
-    log_probs, reference = (rloo_grpo_dpo.log_probs(world, each, episodes) for each in (actor, other))
+    log_probs = rloo_grpo_dpo.log_probs(world, actor, episodes)
+    reference = rloo_grpo_dpo.log_probs(world, other, episodes)
     advantages = jnp.linspace(-1, 2, 12)
     old = log_probs + jnp.linspace(-0.5, 0.5, 12)
     actual = jax.jit(update.loss)(actor, episodes, old, reference, advantages)
-    rows = [np.asarray(each, np.float64).T for each in (log_probs, old)]
     expected = oracle.grpo_loss(
-        *rows, np.asarray(advantages), np.asarray(episodes.live).T == 1, average=AVERAGES[average],
-        reference_log_probs=np.asarray(reference).T, beta=0.3,
+        np.asarray(log_probs, float).T, np.asarray(old, float).T, np.asarray(advantages), np.asarray(episodes.live).T == 1,
+        average=AVERAGES[average], reference_log_probs=np.asarray(reference).T, beta=0.3,
     )  # fmt: skip
     assert float(actual) == pytest.approx(expected, rel=1e-4)
 
@@ -91,13 +92,11 @@ def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
     update = rloo_grpo_dpo.DirectUpdate(learner("dpo").settings, world, world)
     reference = rloo_grpo_dpo.log_probs(world, other, episodes)
     actual = jax.jit(update.loss)(actor, episodes, reference, jnp.array([[1.0, 0.0], [0.0, 1.0]] * 3))
-    now, before = (
-        np.asarray((each * episodes.live).sum(0), np.float64).reshape(-1, 2)
-        for each in (rloo_grpo_dpo.log_probs(world, actor, episodes), reference)
-    )
-    chosen = np.array([0, 1] * 3)
-    pick = lambda table, column: table[np.arange(6), column]  # noqa: E731
-    expected = oracle.dpo_loss(pick(now, chosen), pick(now, 1 - chosen), pick(before, chosen), pick(before, 1 - chosen))
+    log_probs = jnp.stack([rloo_grpo_dpo.log_probs(world, actor, episodes), reference])
+    totals = np.asarray((log_probs * episodes.live).sum(axis=1), float).reshape(2, 6, 2)
+    totals[:, 1::2] = totals[:, 1::2, ::-1]  # the chosen one of each pair first
+    now, before = totals
+    expected = oracle.dpo_loss(now[:, 0], now[:, 1], before[:, 0], before[:, 1])
     assert float(actual) == pytest.approx(expected, rel=1e-4)
 
 
