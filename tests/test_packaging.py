@@ -71,7 +71,7 @@ def python(code: str, package: Path, folder: Path) -> str:
 
 
 GIT = {"vcs": "git", "commit_id": "0a1b2c"}
-FIGURES = " ".join(f'"{requirement}"' for requirement in sorted(EXTRAS["figures"]))
+FIGURES = '"{}"'.format('" "'.join(sorted(EXTRAS["figures"])))
 STUDIO = f'{FIGURES} "pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=13"'
 """The extra `studio` takes in `figures` and `editor`."""
 
@@ -89,7 +89,7 @@ INSTALL = """
 import json, pathlib, sys
 from taskspec.base.extras import install
 record = pathlib.Path({record!r})
-for origin, extra in json.loads({origins!r}):
+for origin, extra, _ in json.loads({origins!r}):
     if origin:
         record.write_text(json.dumps(origin))
     print(install(extra))
@@ -99,9 +99,9 @@ for origin, extra in json.loads({origins!r}):
 
 def test_an_installed_package_names_the_place_that_it_was_installed_from(wheel: Path, tmp_path: Path) -> None:
     (folder,) = wheel.glob("*.dist-info")
-    asked = json.dumps([(origin, extra) for origin, extra, _ in ORIGINS])
-    printed = python(INSTALL.format(record=str(folder / "direct_url.json"), origins=asked), wheel, tmp_path)
-    assert printed.splitlines() == [f"pip install {named}" for _, _, named in ORIGINS]
+    program = INSTALL.format(record=str(folder / "direct_url.json"), origins=json.dumps(ORIGINS))
+    for printed, (_, _, named) in zip(python(program, wheel, tmp_path).splitlines(), ORIGINS, strict=True):
+        assert printed == f"pip install {named}"
 
 
 def test_a_checkout_names_its_folder(tmp_path: Path) -> None:
@@ -110,15 +110,14 @@ def test_a_checkout_names_its_folder(tmp_path: Path) -> None:
 
 
 def test_every_extra_that_code_asks_for_is_declared() -> None:
-    places = {"need": 1, "install": 0}
-    asked = {
-        call.args[places[call.func.id]]
-        for path in SOURCES
-        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in places
-        if len(call.args) > places[call.func.id]
-    }
-    names = {node.value for node in asked if isinstance(node, ast.Constant)}
+    names = set()
+    for path in SOURCES:
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            match call:
+                case ast.Call(func=ast.Name(id="need"), args=[_, ast.Constant(value=name), *_]):
+                    names.add(name)
+                case ast.Call(func=ast.Name(id="install"), args=[ast.Constant(value=name), *_]):
+                    names.add(name)
     assert {"figures", "docs"} <= names <= set(EXTRAS)
 
 
@@ -154,7 +153,8 @@ def test_the_metadata_declare_every_licence_in_the_wheel(wheel: Path, metadata: 
     declared = metadata.get_all("License-File", [])
     assert set(declared) == {"LICENSE", *shipped}
     (folder,) = wheel.glob("*.dist-info")
-    assert all((folder / "licenses" / name).is_file() for name in declared)
+    for name in declared:
+        assert (folder / "licenses" / name).is_file()
 
 
 def test_links_of_the_metadata_lead_somewhere_without_the_repository(metadata: Message) -> None:
@@ -162,7 +162,7 @@ def test_links_of_the_metadata_lead_somewhere_without_the_repository(metadata: M
     assert isinstance(text, str)
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     targets = re.findall(r"\]\(([^)]*)\)", text)
-    assert targets == [t for t in re.findall(r"\]\(([^)]*)\)", readme) if t.startswith("https://")] != []
+    assert targets == re.findall(r"\]\((https://[^)]*)\)", readme) != []
     assert "your first task in ten minutes" in text
 
 

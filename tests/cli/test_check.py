@@ -1,6 +1,5 @@
 """`taskspec check`: warnings that a spec accepts, what was not checked, what is proved, and symmetries."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,8 @@ TIGER = spec_file("tiger").read_text(encoding="utf-8")
 
 
 def test_without_targets_everything_that_is_shipped_is_checked() -> None:
-    assert len(files_of([])) == len({path for path in tasks_root().rglob("*.yaml") if kind_of(str(path)) == "taskspec"})
+    kinds = [kind_of(str(path)) for path in tasks_root().rglob("*.yaml")]
+    assert len(files_of([])) == kinds.count("taskspec")
     assert {kind for _, kind in others_of([])} == set(OTHERS)
 
 
@@ -35,11 +35,9 @@ WARNED = "accept: {W507: the expert is a beginner}\n"
 
 
 def checked(folder: Path, text: str, *options: str) -> tuple[int, dict[str, object], str]:
-    path = folder / f"{len(list(folder.iterdir()))}.yaml"  # a file is read once
-    path.write_text(text, encoding="utf-8")
-    found = CliRunner().invoke(app, ["check", str(path), "--json", *options])
-    shown = CliRunner().invoke(app, ["check", str(path), *options])
-    return found.exit_code, json.loads(found.stdout), shown.stdout
+    path = spec(folder, text, f"{len(list(folder.iterdir()))}.yaml")  # a file is read once
+    found = Done("check", path, "--json", *options)
+    return found.status, found.data, Done("check", path, *options).out
 
 
 def codes(report: dict[str, object]) -> list[str]:
@@ -80,8 +78,8 @@ variants:
 def test_variants_share_an_entry_and_remove_it(tmp_path: Path) -> None:
     _, report, _ = checked(tmp_path, PATH + WARNED + VARIANTS)
     assert codes(report) == ["W507"]  # of `strict`; `fine` has the entry, which the spec itself needs
-    by_name = {task["name"]: task["warnings"] for task in report["tasks"]}  # type: ignore[attr-defined]
-    assert by_name == {"Path": 0, "PathFine": 0, "PathStrict": 1}
+    path, fine, strict = report["tasks"]  # type: ignore[misc]
+    assert (path["warnings"], fine["warnings"], strict["warnings"]) == (0, 0, 1)
     _, report, _ = checked(tmp_path, PATH + WARNED + VARIANTS, "--variant", "fine")
     assert codes(report) == ["W511"]
 
@@ -101,7 +99,8 @@ def test_what_is_not_looked_for_is_not_missed(tmp_path: Path, options: list[str]
 def test_a_variant_lists_the_section(tmp_path: Path) -> None:
     text = PATH + "variants:\n  slow: {accept: {W507: it is slow}}\n"
     _, report, _ = checked(tmp_path, text)
-    assert [d["notes"] for d in report["diagnostics"]] == [[]]  # type: ignore[attr-defined]
+    (found,) = report["diagnostics"]  # type: ignore[misc]
+    assert found["notes"] == []
 
 
 def test_a_figure_that_cannot_be_drawn_is_said_so_and_may_be_accepted(tmp_path: Path) -> None:
@@ -159,8 +158,8 @@ def test_the_table_and_the_last_line_say_what_was_not_checked(
 ) -> None:
     done = Done("check", spec(tmp_path, text), "--strict", *options, columns=200)
     assert done.status == status, done.out
-    *table, last = done.out.rstrip().splitlines()
-    assert any(column in line for line in table), done.out
+    table, _, last = done.out.rstrip().rpartition("\n")
+    assert column in table, done.out
     assert last_line in last
 
 
@@ -176,27 +175,22 @@ STATUSES = {
 @pytest.mark.parametrize("name", STATUSES)
 def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path) -> None:
     text, claim, of_claim, of_number, on_page = STATUSES[name]
-    path = tmp_path / "spec.yaml"
-    path.write_text(f"{text}claims:\n  - {claim}\n", encoding="utf-8")
-    (told,) = json.loads(printed("check", str(path), "--json"))["tasks"][0]["claims"]
+    path = spec(tmp_path, f"{text}claims:\n  - {claim}\n")
+    (told,) = Done("check", path, "--json").data["tasks"][0]["claims"]
     assert (told["status"], told["claim"]) == (of_claim, claim)
-    assert json.loads(printed("solve", str(path), "--json"))["random"]["status"] == of_number
-    assert re.search(
-        "exact" if of_number == "exact" else "(95 % CI,|in all of) 1,000 episodes", printed("solve", str(path))
-    )
+    assert Done("solve", path, "--json").data["random"]["status"] == of_number
+    pattern = "exact" if of_number == "exact" else "(95 % CI,|in all of) 1,000 episodes"
+    assert re.search(pattern, Done("solve", path).out)
     (verdict_,) = gather(build(source.read_file(path))).verdicts
     assert verdict_.text == on_page
-
-
-def printed(*arguments: str) -> str:
-    return CliRunner().invoke(app, list(arguments)).stdout
 
 
 def test_commands_tell_of_symmetries(tmp_path: Any) -> None:
     path = tmp_path / "box.yaml"
     path.write_text(BOX + "symmetries: {s: {doc: turned, action: {i: 2 - i}}, wrong: {observation: {w: 0}}}\n")
-    record = json.loads(Done("check", str(path), "--format", "json").out)["tasks"][0]
-    assert [(s["symmetry"], s["status"]) for s in record["symmetries"]] == [("s", "proved"), ("wrong", "false")]
-    assert "i ↦ 2 − i" in Done("show", str(path)).out
+    right, wrong = Done("check", path, "--json").data["tasks"][0]["symmetries"]
+    assert (right["symmetry"], right["status"]) == ("s", "proved")
+    assert (wrong["symmetry"], wrong["status"]) == ("wrong", "false")
+    assert "i ↦ 2 − i" in Done("show", path).out
     section = page(task_of("derail/ProcGoal-v0")).section("symmetries")
     assert section is not None and len(section.lines) == 2

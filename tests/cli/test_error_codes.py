@@ -15,8 +15,9 @@ OF_SPECS = ("E1", "E2", "E3", "E4", "E6", "W5")
 
 
 def test_every_code_of_specs_has_a_broken_spec() -> None:
-    wanted = {f"{code}-{entry.slug}" for code, entry in codes().items() if code.startswith(OF_SPECS)}
-    assert {path.stem for path in FILES} == wanted
+    there = {path.stem for path in FILES}
+    for code, entry in codes().items():
+        assert (f"{code}-{entry.slug}" in there) == code.startswith(OF_SPECS)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -16,6 +16,7 @@ import pytest
 from taskspec.base import files
 from taskspec.base.diagnostics import SpecError
 from tests.shared.apart import taskspec
+from tests.shared.folders import names
 from tests.shared.sparse import sparse
 
 ROOT = Path(__file__).parents[2]
@@ -51,9 +52,9 @@ def test_a_full_disk(tmp_path: Path, arguments: list[str], kept: str | None) -> 
     assert done.returncode == 1, done.stderr
     assert "error[E716 file-unwritable]: cannot write '" in done.stderr
     assert "Traceback" not in done.stderr
-    left = [path for path in tmp_path.rglob("*") if path.is_file() and path not in before]
-    assert not [path for path in left if path.stat().st_size >= 100 or path.name.startswith(".")]
-    assert kept or not left
+    for path in tmp_path.rglob("*"):
+        if path.is_file() and path not in before:
+            assert kept and path.stat().st_size < 100 and not path.name.startswith(".")
     assert kept is None or (tmp_path / kept).read_text() == "as it was"
 
 
@@ -81,7 +82,7 @@ def test_an_error_at_any_step_leaves_things_as_they_were(
     monkeypatch.setattr(target, {"write": "write_text"}.get(step, step), fails)
     assert refused(place) == f"cannot write {str(place)!r}: No space left on device"
     monkeypatch.undo()
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("file.txt", "old")]
+    assert list(tmp_path.iterdir()) == [place] and place.read_text() == "old"
 
 
 def test_an_interrupt_leaves_things_as_they_were(tmp_path: Path) -> None:
@@ -90,7 +91,7 @@ def test_an_interrupt_leaves_things_as_they_were(tmp_path: Path) -> None:
     writing = files.whole(place)
     writing.__enter__().write_text("half")
     assert not writing.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("file.txt", "old")]
+    assert list(tmp_path.iterdir()) == [place] and place.read_text() == "old"
 
 
 @pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
@@ -144,12 +145,15 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
     assert "already exists" in refused(tmp_path / "file", new=True)
     (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
     assert "already exists" in refused(tmp_path / "dangling", new=True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["dangling", "file"]
+    assert names(tmp_path) == ["dangling", "file"]
     assert (tmp_path / "file").read_text() == "old"
 
 
 def test_a_new_file_that_fails_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
+    def fails(handle: int) -> None:
+        raise OSError(errno.EIO, "broken")
+
+    monkeypatch.setattr(os, "fsync", fails)
     assert "broken" in refused(tmp_path / "file", new=True)
     assert not list(tmp_path.iterdir())
 
@@ -166,12 +170,11 @@ def test_names_that_are_safe_stay(name: str) -> None:
 
 
 def test_names_of_files_are_safe_and_of_their_own(tmp_path: Path) -> None:
-    found = [files.safe_name(name) for name in HOSTILE]
-    assert len({name.lower() for name in found}) == len(HOSTILE)
-    for name in found:
+    for hostile in HOSTILE:
+        name = files.safe_name(hostile)
         assert re.fullmatch(r"[^\W]([\w .=,+()-]*[\w)=+,(])?", name), name
         assert len(name.encode()) < 120 and name.split(".")[0].lower() not in ("con", "nul", "aux", "com1")
-        files.write_text(tmp_path / f"{name}.json", name)
+        files.write_text(tmp_path / f"{name.lower()}.json", name)
     assert len(list(tmp_path.iterdir())) == len(HOSTILE)
 
 
@@ -185,7 +188,9 @@ def test_nothing_is_written_by_another_way() -> None:
         if path.name in own:
             continue
         text = path.read_text(encoding="utf-8")
-        for call in (n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Call)):
+        for call in ast.walk(ast.parse(text)):
+            if not isinstance(call, ast.Call):
+                continue
             name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
             if name not in WRITERS:
                 continue

@@ -1,6 +1,5 @@
 """Ids of instances, `derail/NoisyObs-v0?L=50&M=7`, in all that takes a task; and several values of `-p`."""
 
-import itertools
 import json
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from tests.language.task.test_instance_ids import ID
 from tests.shared.commands import Done
+from tests.shared.folders import names
 
 
 def test_a_value_is_given_once() -> None:
@@ -35,20 +35,21 @@ def test_commands_take_it(command: tuple[str, ...], tmp_path: Path, monkeypatch:
     done = Done(command[0], ID, *command[1:])
     assert done.status == 0, done.err
     if "--json" in command:
-        parameters = json.loads(done.out)["parameters"]
-        values = parameters if isinstance(parameters, dict) else {p["name"]: p["value"] for p in parameters}
+        values = done.data["parameters"]
+        if command[0] == "show":
+            values = {parameter["name"]: parameter["value"] for parameter in values}
         assert values == {"M": 7, "L": 50}
 
 
 def test_several_values_are_all_their_combinations(tmp_path: Path) -> None:
     done = Done("solve", "Branching", "-p", "L=2,3", "-p", "B=2,3", "--json")
-    found = [(each["parameters"]["L"], each["parameters"]["B"]) for each in json.loads(done.out)]
-    assert found == list(itertools.product((2, 3), (2, 3)))
+    found = [each["parameters"] for each in done.data]
+    assert found == [{"L": 2, "B": 2}, {"L": 2, "B": 3}, {"L": 3, "B": 2}, {"L": 3, "B": 3}]
     assert Done("solve", "Branching", "-p", "L=2,3,B=2,3", "--json").out == done.out
     assert len(json.loads(Done("show", "Branching", "-p", "L=2,3", "--json").out)) == 2
     assert len(json.loads(Done("run", "Branching", "-p", "L=2,3", "-n", "2", "--json").out)) == 2
     assert Done("figure", "Branching", "-p", "L=2,3,B=2", "-o", str(tmp_path / "f.svg")).status == 0
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["f-L=2-B=2.svg", "f-L=3-B=2.svg"]
+    assert names(tmp_path) == ["f-L=2-B=2.svg", "f-L=3-B=2.svg"]
     assert "2 tasks in 2 specs" in Done("check", "Branching", "-v", "BranchingSeals", "-p", "L=2,3", "--quick").out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -78,11 +79,8 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
 
 
 def test_completion_offers_ids_and_paths() -> None:
-    assert [name for name, _ in completions.complete_targets("derail/Br")] == [
-        "derail/Branching-v0",
-        "derail/BranchingSeals-v0",
-    ]
-    assert [name for name, _ in completions.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
+    assert list(dict(completions.complete_targets("derail/Br"))) == ["derail/Branching-v0", "derail/BranchingSeals-v0"]
+    assert list(dict(completions.complete_targets(f"{DERAIL}/so"))) == [f"{DERAIL}/sort.yaml"]
 
 
 def test_completion_works_in_a_shell() -> None:
@@ -95,9 +93,9 @@ def test_completion_works_in_a_shell() -> None:
 def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> None:
     """Not in that of hashes, which is another one in every process."""
     names = ["zeta", "alpha", "nu", "beta", "xi"]
-    components = ", ".join(f"{name}: {{type: int, low: 0, high: 1}}" for name in names)
+    abstraction = {"state": {name: {"type": "bool"} for name in names}, "map": {}}
     path = tmp_path / "risky.yaml"
     text = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
-    path.write_text(f"{text}\nabstraction:\n  state: {{{components}}}\n  map: {{}}\n", encoding="utf-8")
-    said = [d["message"] for d in Done("check", path, "--format", "json").data["diagnostics"]]
-    assert said == [f"the map does not say what '{name}' is" for name in names]
+    path.write_text(f"{text}\nabstraction: {json.dumps(abstraction)}\n", encoding="utf-8")
+    for name, said in zip(names, Done("check", path, "--json").data["diagnostics"], strict=True):
+        assert said["message"] == f"the map does not say what '{name}' is"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -35,7 +36,9 @@ Done = partial(commands.Done, columns=100)
 
 def test_run_is_a_function_of_its_seed() -> None:
     args = ("run", "Sort", "--json", "-n", 20)
-    first, again, other = (Done(*args, "--seed", seed).data for seed in (5, 5, 6))
+    first = Done(*args, "--seed", 5).data
+    again = Done(*args, "--seed", 5).data
+    other = Done(*args, "--seed", 6).data
     assert first["returns"] == again["returns"] != other["returns"]
     assert (first["episodes"], first["steps"], first["endings"]) == (20, 160, {"truncated": 20})
 
@@ -124,7 +127,7 @@ def test_a_script_that_fits_not_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_render_shows_every_state() -> None:
     text = Done("run", "RiskyPath", "--policy", "expert", "--render", "ansi").out
-    assert [f"step {t} of 5" in text for t in range(6)] == [True] * 6
+    assert re.findall(r"step (\d) of 5", text) == ["0", "1", "2", "3", "4", "5"]
     assert "action safe, reward 1" in text
 
 
@@ -166,9 +169,8 @@ def test_interval_of_the_mean() -> None:
 
 def test_solve_is_exact_where_it_can_be() -> None:
     data = Done("solve", "RiskyPath", "--json").data
-    assert {name: data[name]["value"] for name in ("optimal", "expert", "random", "worst")} == {
-        "optimal": 4, "expert": 4, "random": -122.21875, "worst": -247.5,
-    }  # fmt: skip
+    for name, value in (("optimal", 4), ("expert", 4), ("random", -122.21875), ("worst", -247.5)):
+        assert data[name]["value"] == value
     assert "from an exact model of 4 states" in Done("solve", "RiskyPath").out
     assert "no exact model" in Done("solve", "Parabola", "-n", 50).out
 
@@ -234,8 +236,8 @@ def test_build_writes_everything(tmp_path: Path) -> None:
     done = Done("build", DERAIL / "sort.yaml", "derail/RiskyPath", "-o", tmp_path)
     assert done.status == 0, done.out
     index = json.loads((tmp_path / "tasks.json").read_text())
-    assert [task["name"] for task in index["tasks"]] == ["Sort", "SortSeals", "RiskyPath"]
-    assert all(len(task["content_hash"]) == 64 for task in index["tasks"])
+    for task, name in zip(index["tasks"], ("Sort", "SortSeals", "RiskyPath"), strict=True):
+        assert task["name"] == name and len(task["content_hash"]) == 64
     assert "def step(action):" in (tmp_path / "source" / "derail" / "RiskyPath.py").read_text()
     assert json.loads((tmp_path / "scores.json").read_text())["derail/RiskyPath-v0"]["optimal"]["value"] == 4
     for name in ("schema.json", "html/index.html", "latex/appendix.tex", "markdown/sort.md"):

@@ -26,20 +26,19 @@ def test_a_whole_spec_loads() -> None:
     assert spec.state["v"].shape == [2]
     assert spec.horizon == "none"
     assert spec.dynamics["s'"]["rows"]["0"]["go"] == {"1": "p", "0": "1 - p"}
-    assert [claim.claim for claim in spec.claims] == ["optimal_return == 1", "states == 10"]
-    assert spec.claims[1].for_ == [{"L": 9}]
+    first, second = spec.claims
+    assert (first.claim, second.claim, second.for_) == ("optimal_return == 1", "states == 10", [{"L": 9}])
     assert [each.key for each in spec.sources] == ["paper", "other"]
     assert (spec.version, spec.discount, spec.absorbing_reward) == (0, 1, 0)
 
 
 def checked(folder: Path, text: str) -> list[tuple[str, str]]:
     """What `taskspec check` says of a file: codes with messages, and the names of the tasks it looked at."""
-    path = folder / f"{len(list(folder.iterdir()))}.yaml"
-    path.write_text(text, encoding="utf-8")
+    path = spec(folder, text, f"{len(list(folder.iterdir()))}.yaml")
     report = check_file(File(path, "mine"), examine)
-    return [(d.code, d.message) for d in report.diagnostics if d.severity == "error"] + [
-        ("", t.name) for t in report.tasks
-    ]
+    said = [(each.code, each.message) for each in report.diagnostics if each.severity == "error"]
+    said += [("", task.name) for task in report.tasks]
+    return said
 
 
 def test_a_variant_that_lacks_a_section_is_an_error(tmp_path: Path) -> None:
@@ -49,8 +48,8 @@ def test_a_variant_that_lacks_a_section_is_an_error(tmp_path: Path) -> None:
     assert checked(tmp_path, f"{partial}    {{}}\n  w: {{reward: 1, base: v}}\n")[:1] == [lacks]
     assert checked(tmp_path, f"{WALK}    reward:\n") == [lacks, ("", "Walk"), ("", "WalkV")]
     assert checked(tmp_path, f"{partial}    reward: 1\n") == [("", "WalkV")]
-    whole = HEAD + "variants: {v: {}}\n"
-    assert [code for code, _ in checked(tmp_path, whole)] == ["E210"] * 6 + [""]
+    *lacking, (none, _) = checked(tmp_path, HEAD + "variants: {v: {}}\n")
+    assert [code for code, _ in lacking] == ["E210"] * 6 and none == ""
 
 
 WRONG_IN_MANY_WAYS = """\
@@ -81,9 +80,14 @@ figure: {kind: graf}
 """
 
 
+def places(done: Done) -> list[tuple[str, int]]:
+    """Codes and lines of diagnostics."""
+    return [(each["code"], each["line"]) for each in done.data["diagnostics"]]
+
+
 def test_one_mistake_hides_no_other(tmp_path: Path) -> None:
     found = Done("check", spec(tmp_path, WRONG_IN_MANY_WAYS), "--json")
-    assert [(d["code"], d["line"]) for d in found.data["diagnostics"]] == [
+    assert places(found) == [
         ("E202", 3), ("E213", 6), ("E206", 9), ("E214", 10), ("E302", 13), ("E303", 17), ("E302", 20), ("E204", 22),
         ("E216", 23), ("E206", 24),
     ]  # fmt: skip
@@ -107,9 +111,7 @@ policies: [cleverly]
 
 def test_an_unknown_key_of_an_experiment_hides_no_other_mistake(tmp_path: Path) -> None:
     found = Done("check", spec(tmp_path, EXPERIMENT), "--json")
-    assert [(d["code"], d["line"]) for d in found.data["diagnostics"]] == [
-        ("E202", 3), ("E702", 6), ("E701", 7), ("E206", 8), ("E713", 9),
-    ]  # fmt: skip
+    assert places(found) == [("E202", 3), ("E702", 6), ("E701", 7), ("E206", 8), ("E713", 9)]
 
 
 def test_what_taskspec_new_writes_is_accepted() -> None:
@@ -138,7 +140,6 @@ def test_what_a_schema_can_say_about_keys_and_types(text: str) -> None:
 
 
 def test_an_editor_marks_nothing_in_our_specs(editor: Editor) -> None:
-    texts = {path.stem: path.read_text(encoding="utf-8") for path in SHIPPED}
-    texts["scaffold"] = SCAFFOLD.format(name="Walk", title="Walk")
-    marked = {name: found for name, text in texts.items() if (found := editor.marks(name, text))}
-    assert marked == {}
+    for path in SHIPPED:
+        assert not editor.marks(path.stem, path.read_text(encoding="utf-8")), path
+    assert not editor.marks("scaffold", SCAFFOLD.format(name="Walk", title="Walk"))

@@ -88,9 +88,8 @@ def test_names_and_numbers_are_whole(specs: Path, command: str, width: int) -> N
     wide = Done(*COMMANDS[command], columns=400)
     narrow = Done(*COMMANDS[command], columns=width)
     assert wide.status == narrow.status == 0, narrow.err
-    lines = [line for line in narrow.out.splitlines() if not line.startswith("wrote")]
-    assert max(map(len, lines)) <= width
-    text = "\n".join(lines)
+    text = re.sub(r"^wrote.*\n", "", narrow.out, flags=re.MULTILINE)
+    assert max(map(len, text.splitlines())) <= width
     assert not re.search(r"\w…", re.sub(r"[/?&]…", "", text)), "a cell is cut"
     for name in set(re.findall(r"Corridor\w+-v0(?=\s)", wide.out)) | set(re.findall(r"\w+_learner_\w+", wide.out)):
         assert name in text
@@ -101,9 +100,8 @@ def test_names_and_numbers_are_whole(specs: Path, command: str, width: int) -> N
 
 def test_the_card_keeps_the_scores_at_any_width(specs: Path) -> None:
     done = Done("report", "exams/a_learner_with_a_long_name", "-o", "out", columns=60)
-    first = next(line for line in done.out.splitlines() if line.startswith("✗  EarlyTermNeg"))
-    assert "◂" in first and first.endswith("−16.97")
-    assert [line.split()[-1] for line in done.out.splitlines() if line.startswith("✗")].count("−103.27") == 1
+    assert re.search(r"^✗  EarlyTermNeg.*◂.*−16.97$", done.out, re.MULTILINE)
+    assert len(re.findall(r"^✗.* −103\.27$", done.out, re.MULTILINE)) == 1
     assert "NoisyObs, L=50, M=7" in done.out and "−1.11" in done.out
 
 
@@ -130,5 +128,4 @@ def test_help_breaks_no_words_and_names_no_types(command: str) -> None:
 
 
 def test_bare_taskspec_ends_with_three_first_commands() -> None:
-    last = Done().out.rstrip().splitlines()[-3:]
-    assert [line.split()[:2] for line in last] == [["taskspec", "list"], ["taskspec", "new"], ["taskspec", "exam"]]
+    assert re.search(r"\n *taskspec list .*\n *taskspec new .*\n *taskspec exam .*\s*$", Done().out)

@@ -1,17 +1,17 @@
 """Worked examples of variants, on pages and in the terminal."""
 
 import json
+import re
 from pathlib import Path
 
-from typer.testing import CliRunner
-
-from taskspec.cli.app import app
 from taskspec.language import source
 from taskspec.language.task.build import build
 from taskspec.show import pages
 from taskspec.tools.authoring.checks import check_file, examine
 from taskspec.tools.targets import File
 from tests.exact.rules.test_examples import AT, SPEC, V
+from tests.shared.commands import Done
+from tests.shared.diagnostics import codes
 
 
 def test_a_variant_inherits_examples_and_replaces_them(tmp_path: Path) -> None:
@@ -25,9 +25,9 @@ def test_a_variant_inherits_examples_and_replaces_them(tmp_path: Path) -> None:
     path = tmp_path / "walk.yaml"
     path.write_text(json.dumps(SPEC | {"examples": [example], "variants": variants}), encoding="utf-8")
     report = check_file(File(path, ""), examine)
-    wrong = {each.variant: (each.coverage.examples, len(each.coverage.wrong_examples)) for each in report.tasks}
-    assert wrong == {None: (1, 0), "same": (1, 0), "other": (1, 1), "own": (1, 0), "none": (0, 0)}
-    assert [d.code for d in report.diagnostics if d.code.startswith("E")] == ["E611"]
+    counts = {each.variant: (each.coverage.examples, len(each.coverage.wrong_examples)) for each in report.tasks}
+    assert counts == {None: (1, 0), "same": (1, 0), "other": (1, 1), "own": (1, 0), "none": (0, 0)}
+    assert [code for code in codes(report.diagnostics) if code.startswith("E")] == ["E611"]
 
 
 def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
         [task], ["markdown", "latex", "html"], tmp_path, facts={task.id: pages.Facts(wrong_examples=frozenset({3}))}
     )
     markdown = (tmp_path / "walk.md").read_text(encoding="utf-8")
-    rows = [line.strip() for line in markdown.partition("- **Examples**\n\n")[2].splitlines()[:7]]
+    rows = re.split(r"\s*\n\s*", markdown.partition("- **Examples**\n\n")[2].strip())[:7]
     assert rows[:2] == ["| for | state | action | what follows |  |  |", "|---|---|---|---|---|---|"]
     assert rows[2].startswith(r"|  | $s = 1$ | $a = \text{on}$ | $s' = \begin{cases} 1 &")
     assert rows[2].endswith(r"\end{cases}$ | slips &amp; 1\|4 |  |")
@@ -52,13 +52,11 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
     assert rows[5].startswith(r"| $n = 2$ | $s = 2$ |  | expert $a = \text{on}$, $b \sim \mathrm{Bernoulli}")
     assert rows[5].endswith("|  | (✗ does not hold) |")
     assert rows[6] == r"|  |  |  | first $\mathrm{mood} = \text{calm}$ |  |  |"
-    html, latex = ((tmp_path / f"walk.{x}").read_text(encoding="utf-8") for x in ("html", "tex"))
+    html = (tmp_path / "walk.html").read_text(encoding="utf-8")
+    latex = (tmp_path / "walk.tex").read_text(encoding="utf-8")
     table = html.partition("<table>")[2].partition("</table>")[0]
-    assert (table.count("<tr>"), table.count("<th "), table.count("<td>")) == (
-        6,
-        4,
-        32,
-    )  # a cell above a column without a title is no heading
+    cells = (table.count("<tr>"), table.count("<th "), table.count("<td>"))
+    assert cells == (6, 4, 32)  # a cell above a column without a title is no heading
     assert "slips &amp; 1|4" in table
     body = latex.partition(r"\taskspectable{llllll}{")[2].partition("\n")[0]
     assert r"slips \& 1\textbar{}4" in body or r"slips \& 1|4" in body
@@ -68,6 +66,6 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
 def test_the_terminal_shows_examples(tmp_path: Path) -> None:
     path = tmp_path / "walk.yaml"
     path.write_text(json.dumps(SPEC | {"examples": [AT | {"next": {"s": 2}, "probability": "3/4"}]}), encoding="utf-8")
-    shown = CliRunner().invoke(app, ["show", str(path)]).stdout
+    shown = Done("show", path).out
     for words in ("on, b = 1", "s′ = 2", "with probability", "3/4"):
         assert words in shown

@@ -28,6 +28,11 @@ class Done:
     def data(self) -> Any:
         return json.loads(self.out)
 
+    @property
+    def codes(self) -> list[str]:
+        """Codes of what `check --json` says."""
+        return [each["code"] for each in self.data["diagnostics"]]
+
 
 def spec(folder: Path, text: str, name: str = "x.yaml") -> Path:
     path = folder / name

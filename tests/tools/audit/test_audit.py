@@ -4,6 +4,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -29,6 +30,11 @@ def audit(name: str, seconds: float = 20.0, **kwargs: object) -> Audit:
 
 def names(found: Audit, kind: str | None = None) -> set[str]:
     return {entry.check.name for entry in found.entries if kind in (None, entry.check.kind)}
+
+
+def entry_of(subject: Subject, check: str) -> Any:
+    """What is told of one check."""
+    return next(entry for entry in examined(subject, 20.0).entries if entry.check.name == check)
 
 
 @pytest.mark.parametrize("planted", sparse(PLANTED, 7), ids=lambda each: each.__name__)
@@ -99,27 +105,24 @@ def test_estimated_chance_is_near_the_right_one() -> None:
 
 def test_a_hidden_state_is_shown_by_two_episodes_that_look_alike() -> None:
     subject = Subject(f"{PLACE}:HiddenState", {})
-    entry = next(e for e in examined(subject, 20.0).entries if e.check.name == "hidden state")
+    entry = entry_of(subject, "hidden state")
     assert entry.finding.trace is not None
     one, other = entry.finding.trace
-    ends = [subject.play((part,))[-1] for part in (one, other)]
-    assert ends[0].outcome != ends[1].outcome
-    lengths = [len(part.actions) for part in (one, other)]
-    shorter = min(lengths)
-    tails = [part.actions[-k:] for part in (one, other) for k in range(1, shorter + 1)]
-    assert tails[0] == tails[shorter], "the last actions are the same"
+    assert subject.play((one,))[-1].outcome != subject.play((other,))[-1].outcome
+    assert one.actions[-1:] == other.actions[-1:], "the last actions are the same"
 
 
-@pytest.mark.parametrize(
-    "planted", sparse([each for each in PLANTED if PLANTED[each] in ("reset", "instances", "hidden reward")], 2)
-)
+TRACED = [planted for planted, check in PLANTED.items() if check in ("reset", "instances", "hidden reward")]
+
+
+@pytest.mark.parametrize("planted", sparse(TRACED, 2))
 def test_traces_are_texts_that_can_be_read_again(planted: type) -> None:
     subject = Subject(f"{PLACE}:{planted.__name__}", {})
-    entry = next(e for e in examined(subject, 20.0).entries if e.check.name == PLANTED[planted])
+    entry = entry_of(subject, PLANTED[planted])
     assert entry.finding.trace is not None
-    again = subject.read(entry.trace)
-    outcomes = [[step.outcome for step in subject.play(trace)] for trace in (again, entry.finding.trace)]
-    assert outcomes[0] == outcomes[1]
+    again = subject.play(subject.read(entry.trace))
+    for step, other in zip(again, subject.play(entry.finding.trace), strict=True):
+        assert step.outcome == other.outcome
 
 
 def test_the_command_reports_and_replays(tmp_path: Path) -> None:

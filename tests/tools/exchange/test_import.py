@@ -5,6 +5,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,20 +122,22 @@ def test_random_pomdps_keep_their_observations(seed: int, tmp_path: Path) -> Non
     classes = rng.integers(0, 3, n).tolist()
     rows = []
     for _ in range(n):
-        shares = [dict(enumerate(share)) for share in rng.dirichlet(np.ones(n), 2).tolist()]
-        rows.append([("x", float(rng.integers(3)), shares[0]), ("y", float(rng.integers(3)), shares[1])])
+        first, second = rng.dirichlet(np.ones(n), 2).tolist()
+        x = ("x", float(rng.integers(3)), dict(enumerate(first)))
+        y = ("y", float(rng.integers(3)), dict(enumerate(second)))
+        rows.append([x, y])
     path = tmp_path / "other.umb"
     path.write_bytes(model(rows, classes))
-    first = imported(str(path), horizon=5)
-    assert first.remarks == ()
-    assert observed(first) == alike(classes)
+    read = imported(str(path), horizon=5)
+    assert read.remarks == ()
+    assert observed(read) == alike(classes)
     for name, chosen in formats.FORMATS.items():
-        tables = replace(first, seen=tuple((c / 7, -1.0) for c in classes))
+        tables = replace(read, seen=tuple((c / 7, -1.0) for c in classes))
         path = tmp_path / f"{name}{chosen.suffix}"
         path.write_bytes(formats.written(tables, chosen))
         again = imported(str(path))
         assert observed(again) == alike(classes)
-        assert again.claims["optimal_return"] == pytest.approx(first.claims["optimal_return"])
+        assert again.claims["optimal_return"] == pytest.approx(read.claims["optimal_return"])
 
 
 def observed(task: FrozenTask) -> set[frozenset[int]]:
@@ -145,7 +148,10 @@ def observed(task: FrozenTask) -> set[frozenset[int]]:
 
 def alike(classes: Sequence[object]) -> set[frozenset[int]]:
     """Sets of states of the same class."""
-    return {frozenset(s for s, other in enumerate(classes) if other == each) for each in classes}
+    members: dict[object, list[int]] = {}
+    for s, each in enumerate(classes):
+        members.setdefault(each, []).append(s)
+    return set(map(frozenset, members.values()))
 
 
 @pytest.mark.parametrize("format", formats.FORMATS)
@@ -199,21 +205,21 @@ def test_rewards_that_are_drawn_become_their_mean(tmp_path: Path) -> None:
 def test_ten_thousand_rows_of_which_all_differ(tmp_path: Path) -> None:
     """States that are entered with and without an end get a copy, so that ends depend on the next state."""
     rng = np.random.default_rng(0)
-    P = {
-        s: {a: [[0.25, int(to), float(rng.integers(3)), bool(rng.random() < 0.01)] for to in rng.integers(0, 2500, 4)]
-            for a in range(4)}
-        for s in range(2500)
-    }  # fmt: skip
+    shape = (2500, 4, 4)
+    to = rng.integers(0, 2500, shape)
+    reward = rng.integers(0, 3, shape).astype(float)
+    ends = rng.random(shape) < 0.01
+    P: dict[int, dict[int, list[Any]]] = {}
+    for s, a in np.ndindex(2500, 4):
+        outcomes = zip([0.25] * 4, to[s, a].tolist(), reward[s, a].tolist(), ends[s, a].tolist(), strict=True)
+        P.setdefault(s, {})[a] = list(outcomes)
     path = tmp_path / "many.json"
     path.write_text(json.dumps({"P": P, "horizon": 3}))
     found = imported(str(path))
     assert len(found.outcomes) * len(found.actions) > 10_000
     V = np.zeros(2500)
     for _ in range(3):
-        Q = np.zeros((2500, 4))
-        for s, row in P.items():
-            for a, outcomes in row.items():
-                Q[s, a] = sum(p * (r + (0 if ends else V[to])) for p, to, r, ends in outcomes)
+        Q = (reward + np.where(ends, 0, V[to])).mean(axis=2)
         V = Q.max(axis=1)
     assert found.claims["optimal_return"] == pytest.approx(V[0])
     assert len(spec_text(found).splitlines()) > 2500

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 SYSTEM = {
     "time": "discrete", "#players": 1, "#states": 1, "#initial-states": 1, "#choices": 1, "#branches": 1, "#choice-actions": 0,
 }  # fmt: skip
@@ -41,33 +43,43 @@ def model(
     states: Sequence[Sequence[Choice]], classes: Sequence[int] = (), files: dict[str, bytes] | None = None, **index: Any
 ) -> bytes:
     """A decision process that starts in state 0; with observations, a partially observable one."""
-    choices = [choice for row in states for choice in row]
-    names = list(dict.fromkeys(name for name, _, _ in choices))
-    branches = [pair for _, _, row in choices for pair in row.items()]
+    names: list[str] = []
+    actions = []
+    rewards = []
+    targets: list[int] = []
+    probabilities: list[float] = []
+    counts = []  # of next states, by choice
+    for name, reward, row in itertools.chain(*states):
+        if name not in names:
+            names.append(name)
+        actions.append(names.index(name))
+        rewards.append(reward)
+        targets += row.keys()
+        probabilities += row.values()
+        counts.append(len(row))
     system = {
-        "#states": len(states), "#choices": len(choices), "#branches": len(branches), "#choice-actions": len(names),
+        "#states": len(states), "#choices": len(actions), "#branches": len(targets), "#choice-actions": len(names),
         "#observations": 0, "branch-probability-type": {"type": "double"},
     }  # fmt: skip
     parts = {
         "state-to-choices.bin": bounds(map(len, states)),
-        "choice-to-branches.bin": bounds(len(row) for _, _, row in choices),
-        "branch-to-target.bin": struct.pack(f"<{len(branches)}Q", *(to for to, _ in branches)),
-        "branch-to-probability.bin": struct.pack(f"<{len(branches)}d", *(p for _, p in branches)),
-        "annotations/rewards/paid/choices/values.bin": struct.pack(f"<{len(choices)}d", *(r for _, r, _ in choices)),
-        "actions/choices/values.bin": struct.pack(f"<{len(choices)}I", *(names.index(name) for name, _, _ in choices)),
-        "actions/choices/string-mapping.bin": bounds(len(name.encode()) for name in names),
+        "choice-to-branches.bin": bounds(counts),
+        "branch-to-target.bin": np.array(targets, "<u8").tobytes(),
+        "branch-to-probability.bin": np.array(probabilities, "<f8").tobytes(),
+        "annotations/rewards/paid/choices/values.bin": np.array(rewards, "<f8").tobytes(),
+        "actions/choices/values.bin": np.array(actions, "<u4").tobytes(),
+        "actions/choices/string-mapping.bin": bounds(map(len, map(str.encode, names))),
         "actions/choices/strings.bin": "".join(names).encode(),
     }
     if classes:
         system |= {"#observations": max(classes) + 1, "observations-apply-to": "states"}
-        parts["observations/states/values.bin"] = struct.pack(f"<{len(classes)}Q", *classes)
+        parts["observations/states/values.bin"] = np.array(classes, "<u8").tobytes()
     return umb(system, parts | (files or {}), **index)
 
 
 def bounds(sizes: Any) -> bytes:
     """Where ranges begin, and where the last one ends."""
-    ends = [0, *itertools.accumulate(sizes)]
-    return struct.pack(f"<{len(ends)}Q", *ends)
+    return np.cumsum([0, *sizes], dtype="<u8").tobytes()
 
 
 def unpacked(content: bytes) -> dict[str, bytes]:
@@ -78,5 +90,4 @@ def unpacked(content: bytes) -> dict[str, bytes]:
 
 def rationals(content: bytes) -> list[Fraction]:
     """Numerators and denominators of 64 bits, side by side."""
-    halves = struct.unpack("<" + "qQ" * (len(content) // 16), content)
-    return [Fraction(*pair) for pair in zip(halves[::2], halves[1::2], strict=True)]
+    return list(itertools.starmap(Fraction, struct.iter_unpack("<qQ", content)))
