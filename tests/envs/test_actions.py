@@ -9,10 +9,9 @@ import pytest
 
 import taskspec
 from taskspec.envs import ActionError
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.conftest import needs_vectors
+from tests.shared.sections import build_text
 
 PUSH = """
 taskspec: 1
@@ -30,7 +29,7 @@ reward: -u * u - x
 
 
 def push(action: str = "{type: real, low: -2, high: 2}") -> Task:
-    return build(read_text(PUSH.replace("ACTION", action)), None, {}, "")
+    return build_text(PUSH.replace("ACTION", action))
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ import pytest
 from taskspec import load
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 from tests.shared.specs import spec_file
 
 SPEC = """
@@ -35,7 +34,7 @@ reward: 0
 
 
 def edges(high: int, factor: int) -> Task:
-    return build(read_text(SPEC.replace("HIGH", str(high)).replace("FACTOR", str(factor))), None, {}, "")
+    return build_text(SPEC.replace("HIGH", str(high)).replace("FACTOR", str(factor)))
 
 
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
@@ -82,7 +81,7 @@ reward: 0
 
 
 def count(start: int) -> VectorEnvironment:
-    env = VectorEnvironment(build(read_text(COUNT.replace("START", str(start))), None, {}, ""), 1, backend="jax")
+    env = VectorEnvironment(build_text(COUNT.replace("START", str(start))), 1, backend="jax")
     env.reset(seed=0)
     env.step(np.zeros(1, np.int64))
     return env
@@ -120,7 +119,7 @@ def test_whole_actions_in_a_box_are_rounded_by_the_functions_for_jax() -> None:
     jax = pytest.importorskip("jax")
     from taskspec.programs.jax import Functional
 
-    task = build(read_text(MIXED), None, {}, "")
+    task = build_text(MIXED)
     functional = Functional(task)
     _, state = functional.reset(jax.random.key(0))
     for action in ([1.7, 0.4, 0.25], [-1.6, 0.7, -0.5], [0.5, 1.0, 0.0], [1.5, 0.0, 1.0]):

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from taskspec import exact
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs import array_form
 from taskspec.programs.agreement import QUICK, ProgramChecks
@@ -20,6 +18,7 @@ from taskspec.programs.lane_form import LaneEmitter
 from taskspec.programs.numpy import NumpyEngine, compile_numpy
 from taskspec.programs.scalar import compile_scalar, module
 from taskspec.programs.vector_program import Buffers, Masks
+from tests.shared.sections import build_text
 
 SPEC = """
 taskspec: 1
@@ -39,7 +38,7 @@ terminal: level' == top
 
 
 def lift() -> Task:
-    return build(read_text(SPEC, "lift.yaml"))
+    return build_text(SPEC)
 
 
 @pytest.fixture
@@ -127,8 +126,6 @@ def test_masks_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 GROWING = """
-taskspec: 1
-name: Growing
 state: {x: {type: real, low: 0, high: 10}}
 action: {a: {type: bool}}
 horizon: 20
@@ -141,14 +138,12 @@ reward: "1 if x' >= 0.300000001 else 0"
 def test_what_single_precision_decides_otherwise_is_no_error() -> None:
     pytest.importorskip("jax")
     checks = ProgramChecks(["scalar", "jax"])
-    assert not checks.problems(build(read_text(GROWING, "growing.yaml")))
+    assert not checks.problems(build_text(GROWING))
     assert checks.settings == {"scalar": 1}
     assert list(checks.left_out) == [("jax", "in single precision, a real may decide otherwise")]
 
 
 SIZES = """
-taskspec: 1
-name: Sizes
 info: [old_state, new_state]
 measures: {m: "v[0] + 0.5"}
 state:
@@ -186,5 +181,5 @@ def test_long_vectors_in_every_place(size: int) -> None:
         text = SIZES.replace("ACTION", action).replace("MOVE", move).replace("KIND", kind).replace("SPACE", space)
         if kind == "int":
             text = text.replace("Uniform(0, 3, shape=N)", '"[UniformInt(0, 3) for i in range(N)]"')
-        task = build(read_text(text.replace("N", str(size)), "sizes.yaml"))
+        task = build_text(text.replace("N", str(size)))
         assert not ProgramChecks(QUICK).problems(task), text

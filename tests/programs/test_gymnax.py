@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 jax = pytest.importorskip("jax")
 import jax.numpy as jnp  # noqa: E402
@@ -17,8 +16,6 @@ import jax.numpy as jnp  # noqa: E402
 from taskspec.programs.jax import Functional  # noqa: E402
 
 SIDES = """
-taskspec: 1
-name: Sides
 summary: On which side of the line is the point?
 state:
   x: {type: real, shape: [2], low: -1, high: 1}
@@ -30,8 +27,6 @@ dynamics: {x': "Uniform(-1, 1, shape=2)"}
 reward: 1 if side == (0 if x[0] > x[1] else -1) else 0
 """
 ODD = """
-taskspec: 1
-name: Odd
 summary: Values that do not count from zero.
 state:
   s: {type: int, low: 3, high: 6}
@@ -47,7 +42,7 @@ observation: SEEN
 
 
 def adapted(text: str) -> Any:
-    return Functional(build(read_text(text), None, {}, "")).gymnax()
+    return Functional(build_text(text)).gymnax()
 
 
 def odd(seen: str) -> Any:
@@ -183,8 +178,6 @@ def test_parameters_that_would_have_no_effect_are_refused() -> None:
 
 
 PAIRED = """
-taskspec: 1
-name: Paired
 state: {s: {type: int, low: 3, high: 6}, d: {type: bool}}
 action: {x: {type: choice, values: [down, stay, up]}, y: {type: int, low: 5, high: 6}}
 horizon: 9
@@ -196,7 +189,7 @@ observation: {space: multi_discrete, s: s, d: d}
 
 
 def test_observations_may_be_one_hot_and_actions_one_number() -> None:
-    task = build(read_text(PAIRED), None, {}, "")
+    task = build_text(PAIRED)
     plain = Functional(task).gymnax()
     changed = Functional(task).gymnax(one_hot=True, flat_actions=True)
     assert changed.num_actions == 6 and plain.num_actions == 2
@@ -220,7 +213,7 @@ def test_options_for_what_is_not_finite_are_refused() -> None:
 
 def test_spaces_of_the_options_hold_their_values() -> None:
     pytest.importorskip("gymnax")
-    env = Functional(build(read_text(PAIRED), None, {}, "")).gymnax(one_hot=True, flat_actions=True)
+    env = Functional(build_text(PAIRED)).gymnax(one_hot=True, flat_actions=True)
     seen, _ = env.reset(jax.random.key(0))
     assert env.action_space().n == 6
     assert env.observation_space().shape == seen.shape and bool(env.observation_space().contains(seen))

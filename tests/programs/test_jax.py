@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 import taskspec
+from tests.shared.sections import build_text
 
 jax = pytest.importorskip("jax")
 import jax.numpy as jnp  # noqa: E402
 
 from taskspec.envs.functional import TaskFuncEnv  # noqa: E402
 from taskspec.language import draws  # noqa: E402
-from taskspec.language.source import read_text  # noqa: E402
-from taskspec.language.task.build import build  # noqa: E402
 from taskspec.programs.jax import Functional, library  # noqa: E402
 from taskspec.programs.jax.library import threefry  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402
@@ -105,8 +104,6 @@ def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monke
 
 
 RAW = """
-taskspec: 1
-name: Raw
 summary: Draws as they come, and sums of them.
 state:
   u: {type: real}
@@ -122,8 +119,8 @@ reward: 0
 
 
 def test_draws_are_equal_to_the_bit_in_vmapped_programs() -> None:
-    functional = Functional(build(read_text(RAW), None, {}, ""))
-    env = taskspec.make(build(read_text(RAW), None, {}, ""))
+    functional = Functional(build_text(RAW))
+    env = taskspec.make(build_text(RAW))
     seeds = jnp.arange(64, dtype=jnp.uint32)
 
     @jax.jit

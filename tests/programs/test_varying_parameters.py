@@ -12,6 +12,7 @@ from taskspec import SpecError, load
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 
 jax = pytest.importorskip("jax")
@@ -124,7 +125,7 @@ def test_without_params_a_program_has_those_of_its_task() -> None:
 
 @pytest.mark.parametrize("one_hot", sparse([True, False], 2))
 def test_gymnax_takes_parameters(one_hot: bool) -> None:
-    task = build(read_text(SLIPPERY.replace(", p: slip", "")))
+    task = build_text(SLIPPERY.replace(", p: slip", ""))
     env = Functional(task, varying=["scale", "slip"]).gymnax(one_hot=one_hot)
     params = jax.vmap(lambda x: env.default_params.replace(scale=x, slip=0.0))(jnp.array(SCALES))
     assert params.max_steps_in_episode.tolist() == [6] * 5
@@ -170,7 +171,7 @@ def test_what_cannot_vary_is_said(names: list[str], code: str, message: str) -> 
     ],
 )
 def test_counts_and_places_are_fixed(old: str, new: str, message: str | None) -> None:
-    task = build(read_text(SLIPPERY.replace(old, new)))
+    task = build_text(SLIPPERY.replace(old, new))
     if message is None:
         Functional(task, varying=["pay"]).reset(jax.random.key(0))
         return
@@ -211,7 +212,7 @@ TOGETHER = SLIPPERY.replace("pay >= scale - 100, message: it must pay", "slip + 
 
 def test_conditions_on_several_parameters_are_checked_for_every_lane() -> None:
     """Where a scalar environment is refused, so are these values; in a compiled program, the lane is paid nan."""
-    functions = Functional(build(read_text(TOGETHER)), varying=["slip", "scale", "pay"])
+    functions = Functional(build_text(TOGETHER), varying=["slip", "scale", "pay"])
     params = functions.default_params
     slips = jnp.array([0.25, 0.75, 1.0])
     pays = jnp.array([1, 1, 2])

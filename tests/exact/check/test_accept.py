@@ -4,12 +4,9 @@ import pytest
 
 from taskspec import exact
 from taskspec.base.diagnostics import SpecError
-from taskspec.language import source
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
-PATH = """\
-taskspec: 1
-name: Path
+PATH = """
 parameters: {n: {type: int, default: 3, low: 1, high: 9}}
 state: {s: {type: int, low: 0, high: n}}
 action: {a: {type: choice, values: [stay, go]}}
@@ -23,6 +20,6 @@ expert: {a: stay}
 
 def test_errors_are_not_accepted_and_come_first() -> None:
     with pytest.raises(SpecError, match="E206"):
-        build(source.read_text(PATH + "accept: {E403: it is meant}\n"))
+        build_text(PATH + "accept: {E403: it is meant}\n")
     unsound = PATH.replace("min(s + (a == go), n)", "s + (a == go)") + "accept: {W505: it is meant}\n"
-    assert set(exact.check(build(source.read_text(unsound))).codes) <= {"E403", "W507"}
+    assert set(exact.check(build_text(unsound)).codes) <= {"E403", "W507"}

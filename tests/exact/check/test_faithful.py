@@ -24,13 +24,14 @@ from taskspec.language.expressions.types import Role
 from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import codes, statuses, with_code
+from tests.shared.sections import build_text
 from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[3]
 
 
 def task(text: str, **parameters: Any) -> Task:
-    return build(source.read_text(text, "spec.yaml"), None, parameters)
+    return build_text(text, **parameters)
 
 
 def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
@@ -71,8 +72,6 @@ def test_shipped_abstractions_are_proved_with_their_experts(name: str, variant: 
 
 
 WALK = """
-taskspec: 1
-name: Walk
 state:
   x: {type: int, doc: place}
   goal: {type: int}
@@ -132,8 +131,6 @@ def test_no_difference_goes_unnoticed_where_every_step_is_looked_at(what: str) -
 
 
 REAL = """
-taskspec: 1
-name: Coin
 state:
   x: {type: real, low: 0, high: 4}
 action:
@@ -179,8 +176,6 @@ def test_an_expert_that_looks_at_more_than_the_abstraction_is_simulated() -> Non
 
 def test_a_finite_task_is_compared_state_by_state() -> None:
     text = """
-taskspec: 1
-name: Pairs
 state: {s: {type: int, low: 0, high: 7}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 9
@@ -199,8 +194,6 @@ abstraction:
 
 
 TIED = """
-taskspec: 1
-name: Ranks
 state: {s: {type: real, shape: [3], low: 0, high: 1}}
 action: {i: {type: int, low: 0, high: 2}}
 horizon: 4
@@ -238,8 +231,6 @@ def test_ranks_stand_for_numbers_where_only_their_order_matters(
 
 
 ANY = """
-taskspec: 1
-name: E
 state: {x: {type: int}, y: {type: int}, v: {type: real, shape: [4]}}
 action: {a: {type: int, low: 0, high: 3}}
 horizon: 1
@@ -327,5 +318,5 @@ def test_a_stand_in_that_starts_outside_its_states_gives_no_results() -> None:
     sort = spec_file("sort").read_text(encoding="utf-8")
     assert sort.count("low: 0, high: L - 1, doc: rank") == 1
     text = sort.replace("low: 0, high: L - 1, doc: rank", "low: 1, high: L - 1, doc: rank")
-    found = set(exact.check(build(source.read_text(text))).codes)
+    found = set(exact.check(build_text(text)).codes)
     assert found == {"E602", "W522"}

@@ -4,12 +4,9 @@ import pytest
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, extract
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 WALK = """
-taskspec: 1
-name: Walk
 state: {s: {type: int, low: 0, high: 3}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 3
@@ -25,7 +22,7 @@ def test_the_draw_with_infinitely_many_outcomes_is_named() -> None:
     for drawn in ("UniformInt(0, 1) + Normal()", "Normal() + UniformInt(0, 1)", "Poisson(2) + Exponential()"):
         text = WALK.replace("DRAWN", drawn)
         with pytest.raises(SpecError, match=r"a step draws from a (normal|exponential) distribution"):
-            extract(build(read_text(text, "walk.yaml")))
+            extract(build_text(text))
 
 
 def test_a_reward_without_a_bound_in_a_tail_is_named_with_what_would_bound_it() -> None:
@@ -33,7 +30,7 @@ def test_a_reward_without_a_bound_in_a_tail_is_named_with_what_would_bound_it() 
         "{taskspec: 1, name: Lost, state: {s: {type: int, low: 0, high: 2}}, action: {a: {type: int, low: 0, high: 2}},\n"
         "noise: {d: Poisson(2)}, horizon: 3, initial: {s: 1}, dynamics: {s': 'min(max(s - d, 0) + a, 2)'}, reward: REWARD}"
     )
-    found = Results(build(read_text(text.replace("REWARD", "-d"))))
+    found = Results(build_text(text.replace("REWARD", "-d")))
     assert found.optimal is None and found.why_not is not None and "`min(draw, 100)`" in found.why_not
-    bounded = Results(build(read_text(text.replace("REWARD", "'-min(d, 100)'"))))
+    bounded = Results(build_text(text.replace("REWARD", "'-min(d, 100)'")))
     assert bounded.optimal is not None and abs(bounded.optimal.value + 6) < 1e-9

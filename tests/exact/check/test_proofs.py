@@ -15,14 +15,13 @@ from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve import rational
 from taskspec.exact.solve.bounded import Bounded
 from taskspec.exact.solve.rational import Rational
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 
 
 def task(text: str, **parameters: Any) -> Task:
-    return build(source.read_text(text, "spec.yaml"), None, parameters)
+    return build_text(text, **parameters)
 
 
 def verdict(text: str, claim: str, **parameters: Any) -> Verdict:
@@ -35,8 +34,6 @@ def status(text: str, claim: str, **parameters: Any) -> str:
 
 
 LADDER = """
-taskspec: 1
-name: Ladder
 parameters:
   L: {type: int, default: 40, low: 1, high: 100}
 state:
@@ -60,8 +57,6 @@ def test_numbers_below_one_are_compared_by_their_size() -> None:
 
 
 CANCELS = """
-taskspec: 1
-name: Cancels
 state:
   s: {type: int, low: 0, high: 3}
 action:
@@ -92,8 +87,6 @@ def test_large_rewards_that_cancel_in_floats(monkeypatch: pytest.MonkeyPatch) ->
 
 
 CHAIN = """
-taskspec: 1
-name: Chain
 state:
   s: {type: choice, values: [here, goal]}
 action:
@@ -146,8 +139,6 @@ def test_what_pays_for_ever_is_given_up_soon() -> None:
 
 
 RARE = """
-taskspec: 1
-name: Rare
 state:
   x: {type: real, low: 0, high: 1}
 action:
@@ -167,8 +158,6 @@ def test_what_is_rare_does_not_contradict() -> None:
 
 
 ODDS = """
-taskspec: 1
-name: Odds
 state:
   s: {type: int, low: 0, high: 2}
 action:
@@ -252,8 +241,6 @@ def test_both_arithmetics_enclose_one_another() -> None:
         p = rng.dirichlet(np.ones(4), (4, 2)).round(3).tolist()
         r = rng.normal(0, 10.0 ** rng.integers(-9, 9), (4, 2)).tolist()
         text = f"""
-taskspec: 1
-name: Mixed
 constants: {{P: {p}, R: {r}}}
 state: {{s: {{type: int, low: 0, high: 3}}}}
 action: {{a: {{type: int, low: 0, high: 1}}}}

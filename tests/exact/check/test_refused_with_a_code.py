@@ -3,8 +3,7 @@
 import pytest
 
 from taskspec import SpecError
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 
 @pytest.mark.parametrize(
@@ -19,8 +18,6 @@ from taskspec.language.task.build import build
 )
 def test_what_hangs_on_parameters_names_their_values(expression: str, code: str, note: tuple[str, ...]) -> None:
     text = f"""
-taskspec: 1
-name: Walk
 parameters: {{K: {{type: int, default: 0}}, M: {{type: int, default: 0}}, N: {{type: int, default: 99}}}}
 state: {{s: {{type: int, low: 0, high: 9}}}}
 action: {{a: {{type: int, low: 0, high: 1}}}}
@@ -30,5 +27,5 @@ dynamics: {{s': s}}
 reward: "{expression}"
 """
     with pytest.raises(SpecError) as failure:
-        build(read_text(text))
+        build_text(text)
     assert [(d.code, d.notes) for d in failure.value.diagnostics] == [(code, note)]

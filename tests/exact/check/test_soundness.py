@@ -10,18 +10,15 @@ from taskspec.base.diagnostics import Diagnostic
 from taskspec.exact.soundness import places
 from taskspec.exact.soundness.phases import entries, phases
 from taskspec.exact.soundness.soundness import cases, check_ranges, examine, soundness
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import codes, with_code
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 from tests.shared.specs import EVERY, specs, tasks, tasks_of
 
 ROOT = Path(__file__).parents[3]
 
 FINITE = """
-taskspec: 1
-name: Broken
 parameters:
   n: {type: int, default: 4, low: 1, high: 9}
 state:
@@ -53,7 +50,7 @@ def written(**parts: str) -> Task:
     text = FINITE
     for name, value in (SOUND | parts).items():
         text = text.replace(name, value)
-    return build(source.read_text(text, "broken.yaml"))
+    return build_text(text)
 
 
 def only(task: Task) -> Diagnostic:
@@ -188,8 +185,6 @@ def test_the_method_is_stated() -> None:
 
 
 CONTINUOUS = """
-taskspec: 1
-name: Real
 state:
   x: {type: real, low: -1, high: 1}
 action:
@@ -214,14 +209,12 @@ reward: REWARD
 )
 def test_reals_are_proved_by_bounds_or_sampled(dynamics: str, reward: str, expected: list[str], proved: bool) -> None:
     text = CONTINUOUS.replace("DYNAMICS", dynamics).replace("REWARD", reward)
-    found = examine(build(source.read_text(text, "real.yaml")))
+    found = examine(build_text(text))
     assert codes(found.diagnostics) == expected
     assert found.method.exact is proved
 
 
 LONG_WAY = """
-taskspec: 1
-name: LongWay
 state: {x: {type: KIND, low: -100000000, high: 100000000}}
 action: {a: {type: int, low: 1, high: 3}}
 horizon: HORIZON
@@ -250,7 +243,7 @@ def test_without_a_model_only_what_fails_where_episodes_are_is_an_error(
     text = (
         LONG_WAY.replace("KIND", kind).replace("HORIZON", horizon).replace("END", f"{end}").replace("SEEN", f"{seen}")
     )
-    found = examine(build(source.read_text(text, "long_way.yaml")))
+    found = examine(build_text(text))
     assert codes(found.diagnostics) == expected
     assert found.method.exact is proved
 
@@ -269,7 +262,7 @@ def test_states_that_only_ended_episodes_reach_are_not_where_a_step_starts(
             "{x: 0}", "{x: 0, y: 0}"
         )
         text = text.replace("state: {x", "state:\n  x").replace(f"{high}}}}}", f"{high}}}")
-    found = examine(build(source.read_text(text, "long_way.yaml")))
+    found = examine(build_text(text))
     assert codes(found.diagnostics) == expected
     assert not found.method.exact
 

@@ -9,20 +9,17 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, check
 from taskspec.exact.abstraction.abstraction import SymmetryCheck, verify_symmetry
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.exact.check.test_symmetries import task_of
 from tests.programs.test_trajectories import walk_together
 from tests.shared.diagnostics import with_code
 from tests.shared.invariants import broken
+from tests.shared.sections import build_text
 from tests.shared.solved import returns
 
 # -- what is proved -----------------------------------------------------------------------------------------------
 
 BOX = """
-taskspec: 1
-name: Box
 state:
   v: {type: int, low: 0, high: [2, 2, 1], shape: [3]}
   w: {type: int, low: -1, high: 1}
@@ -37,7 +34,7 @@ reward: w' + v[0]
 
 
 def spec(symmetries: str, text: str = BOX) -> Task:
-    return build(source.read_text(f"{text}symmetries: {symmetries}\n"))
+    return build_text(f"{text}symmetries: {symmetries}\n")
 
 
 def found(symmetry: str, text: str = BOX) -> SymmetryCheck:
@@ -91,8 +88,6 @@ def test_maps_of_actions_are_proved_exactly_where_they_permute_them() -> None:
 
 
 REALS = """
-taskspec: 1
-name: Plane
 state:
   p: {type: real, low: -1, high: 1, shape: [2]}
   q: {type: real, low: 0, high: 1}
@@ -215,13 +210,12 @@ variants:
       two: null
       three: {{doc: both, observation: {{w: -w}}}}
 """
-    document = source.read_text(text)
-    one, two = build(document).annotations.symmetries
+    one, two = build_text(text).annotations.symmetries
     assert (one.name, two.name) == ("one", "two")
-    one, three = build(document, "other").annotations.symmetries
+    one, three = build_text(text, "other").annotations.symmetries
     assert (one.name, one.doc, bool(one.observation), bool(one.action)) == ("one", None, False, True)
     assert (three.name, three.doc, bool(three.observation), bool(three.action)) == ("three", "both", True, False)
-    assert build(document).content_hash != spec("{one: {observation: {w: -w}}}").content_hash
+    assert build_text(text).content_hash != spec("{one: {observation: {w: -w}}}").content_hash
 
 
 @pytest.mark.parametrize(

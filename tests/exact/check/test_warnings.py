@@ -9,10 +9,9 @@ import pytest
 
 from taskspec.exact.check.report import warnings
 from taskspec.exact.scores import returns
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import codes, with_code
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 from tests.shared.specs import SHIPPED, specs, tasks_of
 
@@ -34,7 +33,7 @@ def task(**parts: str) -> Task:
     lines = ["taskspec: 1", "name: Path"]
     for name, value in (PARTS | parts).items():
         lines.append(f"{name}: {value}")
-    return build(source.read_text("\n".join(lines) + "\n", "path.yaml"))
+    return build_text("\n".join(lines) + "\n")
 
 
 FAULTS = [

@@ -3,13 +3,10 @@
 import pytest
 
 from taskspec.exact import check
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from tests.shared.diagnostics import with_code
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Indices
 constants:
   v: [1, 2, 3]
 state:
@@ -35,7 +32,7 @@ def warnings(reward: str, horizon: str = "9", bounds: str = ", low: 0, high: 0")
         text = text.replace("  x': clip(x + a / 2, 0, 5)\n", "").replace(
             "real, low: 0, high: 0", "int, low: 0, high: 0"
         )
-    report = check(build(read_text(text, "indices.yaml")), claims=False)
+    report = check(build_text(text), claims=False)
     assert not report.errors
     return [d.message for d in with_code(report.warnings, "W510")]
 
@@ -84,6 +81,6 @@ def test_where_there_is_no_exact_model(reward: str, count: int) -> None:
 
 def test_the_place_is_that_of_the_index() -> None:
     text = SPEC.format(reward="1 + v[s - 2]", horizon="9", bounds="")
-    (found,) = with_code(check(build(read_text(text, "indices.yaml")), claims=False).diagnostics, "W510")
+    (found,) = with_code(check(build_text(text), claims=False).diagnostics, "W510")
     assert found.span is not None
     assert text.splitlines()[found.span.line - 1][found.span.column - 1 :] == "s - 2]"

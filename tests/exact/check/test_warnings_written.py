@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from taskspec.exact import check
-from taskspec.language import source
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 V = "Uniform(0, 1, shape=6)"
 R = "r + dx * v[0]"
@@ -51,7 +50,7 @@ def knobs(**keys: Any) -> dict[str, Any]:
 
 def codes(parts: dict[str, Any]) -> list[str]:
     text = json.dumps({"taskspec": 1, "name": "Path", **(PARTS | parts)})  # which is YAML
-    report = check(build(source.read_text(text, "path.yaml")), claims=False)
+    report = check(build_text(text), claims=False)
     assert not report.errors
     return report.codes
 
@@ -93,8 +92,6 @@ def test_what_only_looks_like_a_fault_is_not_warned_about(name: str) -> None:
 def test_a_next_value_that_is_paid_is_used(observed: str) -> None:
     """Nothing reads `hit`, but the reward reads `hit'`."""
     text = f"""
-taskspec: 1
-name: Shot
 state: {{hit: {{type: bool}}, k: {{type: int, low: 0, high: 3}}}}
 action: {{a: {{type: bool}}}}
 horizon: 3
@@ -102,13 +99,11 @@ initial: {{hit: false, k: 0}}
 dynamics: {{hit': Bernoulli(1/2), k': "min(k + a, 3)"}}
 {observed}reward: hit' + k
 """
-    report = check(build(source.read_text(text, "shot.yaml")))
+    report = check(build_text(text))
     assert "W519" not in report.codes
 
 
 GOLD = """
-taskspec: 1
-name: Gold
 state:
   s: {type: int, low: 0, high: 2}
   gold: {type: bool}
@@ -127,5 +122,5 @@ terminal: gold'
 
 @pytest.mark.parametrize(("first", "is_hidden"), [("false", False), ("Bernoulli(1/2)", True)])
 def test_what_is_the_same_wherever_an_episode_acts_is_not_hidden(first: str, is_hidden: bool) -> None:
-    report = check(build(source.read_text(GOLD.replace("FIRST", first))))
+    report = check(build_text(GOLD.replace("FIRST", first)))
     assert ("W518" in report.codes) == is_hidden

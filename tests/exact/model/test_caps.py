@@ -11,16 +11,13 @@ from scipy.stats import poisson
 from taskspec.exact import extract
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.scores.returns import Results
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 LOTS = 3
 HORIZON = 3
 RATES = (3.0, 4.0, 3.0, 2.0)
 RENTAL = f"""
-taskspec: 1
-name: Rental
 state: {{first: {{type: int, low: 0, high: {LOTS}}}, second: {{type: int, low: 0, high: {LOTS}}}}}
 action: {{a: {{type: int, low: -1, high: 1}}}}
 horizon: {HORIZON}
@@ -39,7 +36,7 @@ reward: 10 * (min(here, asked) + min(there, wanted)) - 2 * abs(moved)
 
 
 def test_car_rental_is_solved_as_by_a_plain_program() -> None:
-    found = Results(build(source.read_text(RENTAL))).optimal
+    found = Results(build_text(RENTAL)).optimal
     assert found is not None and found.exact
     assert found.value == pytest.approx(best(LOTS, 0, HORIZON), abs=1e-12)
     assert abs(found.value - best(LOTS, 0, HORIZON)) <= found.bound + 1e-12
@@ -74,10 +71,10 @@ def best(first: int, second: int, left: int, known: dict[tuple[int, int, int], f
 
 
 def line(expression: str) -> Task:
-    return build(source.read_text(
-        "taskspec: 1\nname: Line\nstate: {s: {type: int, low: 0, high: 5}}\naction: {a: {type: int, low: 0, high: 2}}\n"
+    return build_text(
+        "state: {s: {type: int, low: 0, high: 5}}\naction: {a: {type: int, low: 0, high: 2}}\n"
         f"horizon: 2\ninitial: {{s: 2}}\ndynamics:\n  s': {expression}\nreward: s'\n"
-    ))  # fmt: skip
+    )
 
 
 WAYS: list[tuple[str, int, Callable[[int, int, int], int]]] = [
@@ -116,5 +113,5 @@ def test_a_count_that_is_paid_as_it_is_drawn_pays_its_mean() -> None:
         "taskspec: 1\nname: Paid\nstate: {s: {type: int, low: 0, high: 5}}\naction: {a: {type: int, low: 0, high: 2}}\n"
         "horizon: 2\ninitial: {s: 2}\ndynamics: {s': s}\nreward: Poisson(2)\n"
     )
-    found = Results(build(source.read_text(text))).random
+    found = Results(build_text(text)).random
     assert found is not None and found.value == pytest.approx(4)

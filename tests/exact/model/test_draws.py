@@ -7,17 +7,15 @@ import pytest
 
 from taskspec.exact.model import transitions
 from taskspec.exact.model.transitions import branches, count, is_finite
-from taskspec.language import draws, source
+from taskspec.language import draws
 from taskspec.language.expressions import batch
 from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.ir import draws as draws_below
 from taskspec.language.expressions.types import Role
 from taskspec.language.expressions.variates import WordLayout, batch_sampler, sampler
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Drawn
 constants:
   table: [[1/2, 1/4, 1/4], [0, 1/3, 2/3], [1, 0, 0]]
 state:
@@ -55,7 +53,7 @@ DRAWN = [
 
 def node_of(kind: str, zero: str, expression: str) -> Any:
     text = SPEC.replace("EXPRESSION_TYPE", kind).replace("ZERO", zero).replace("EXPRESSION", f'"{expression}"')
-    return build(source.read_text(text, "drawn.yaml")).process.next[1]
+    return build_text(text).process.next[1]
 
 
 @pytest.mark.parametrize(("kind", "zero", "expression"), DRAWN)

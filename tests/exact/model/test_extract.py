@@ -20,10 +20,8 @@ from taskspec.exact.solve import solve
 from taskspec.language.expressions.evaluate import evaluate
 from taskspec.language.expressions.ir import Draw
 from taskspec.language.expressions.types import Role
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
-from tests.shared.sections import text
+from tests.shared.sections import build_text, text
 from tests.shared.solved import worst
 from tests.shared.tasks import ROAD, Small, shipped, spec
 
@@ -136,7 +134,7 @@ def test_reachable_and_whole_models_agree(task: Task) -> None:
 
 def test_a_cell_of_one_value_is_certain_beside_cells_that_are_drawn() -> None:
     table = "{by: s, rows: {0: {0: 1/4, 9: 3/4}, 9: 9, else: 0}}"
-    step = extract(build(read_text(text(dynamics=f'{{"s\'": {table}}}'))), reachable=False).step(0)
+    step = extract(build_text(text(dynamics=f'{{"s\'": {table}}}')), reachable=False).step(0)
     mass = step.P.toarray()[:10]
     assert mass.sum(axis=1).tolist() == [1.0] * 10
     assert mass[0, [0, 9]].tolist() == [0.25, 0.75]
@@ -161,7 +159,7 @@ def test_size_is_bounded_before_memory_is_spent() -> None:
 
 
 def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Callable[..., None]) -> None:
-    task = build(read_text(text(dynamics='{"s\'": "UniformInt(0, 9)"}')))
+    task = build_text(text(dynamics='{"s\'": "UniformInt(0, 9)"}'))
     set_limits(outcomes=10)
     assert len(extract(task).step(0).P.data) > 0
     set_limits(outcomes=9)
@@ -170,19 +168,17 @@ def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Callable
 
 
 def test_what_reads_the_time_in_vain_is_kept_once() -> None:
-    model = extract(build(read_text(text(reward='"0 * t"'))))
+    model = extract(build_text(text(reward='"0 * t"')))
     assert not model.is_timed and model.horizon is not None and model.horizon > 1
 
 
 def test_what_is_left_over_is_the_float_nearest_to_it() -> None:
-    task = build(read_text(text(dynamics='{"s\'": "0 if Bernoulli(1/3) else 1"}')))
+    task = build_text(text(dynamics='{"s\'": "0 if Bernoulli(1/3) else 1"}'))
     assert set(extract(task).step(0).P.data) == {float(Fraction(1, 3)), float(Fraction(2, 3))}
     assert float(Fraction(2, 3)) != 1 - 1 / 3
 
 
 CORRIDOR = """
-taskspec: 1
-name: Corridor
 state: {k: {type: int, low: 0, high: 20000}}
 action: {a: {type: int, low: 0, high: 0}}
 horizon: none
@@ -197,7 +193,7 @@ def test_a_search_that_finds_one_state_after_another_keeps_to_its_time(set_limit
     """However little each state takes, twenty thousand levels take seconds."""
     set_limits(seconds=1)
     with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
-        visits(Steps(build(read_text(CORRIDOR))), 10**6)
+        visits(Steps(build_text(CORRIDOR)), 10**6)
 
 
 def test_a_search_counts_the_outcomes_of_draws(set_limits: Callable[..., None]) -> None:
@@ -206,12 +202,12 @@ def test_a_search_counts_the_outcomes_of_draws(set_limits: Callable[..., None]) 
     text = text.replace('"min(k + 1, 20000)"', '"(1000 * k + next) % 10000000"')
     set_limits(seconds=1)
     with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
-        visits(Steps(build(read_text(text))))
+        visits(Steps(build_text(text)))
 
 
 def test_states_that_only_longer_episodes_enter_are_there_where_values_depend_on_them() -> None:
     """500 steps along a road of 20,000 places."""
-    task = build(read_text(ROAD))
+    task = build_text(ROAD)
     model = extract(task)
     assert (model.n_states, model.is_closed) == (501, False)
     assert lasting(model).n_states == 20_000

@@ -18,14 +18,11 @@ from taskspec.exact import extract, soundness
 from taskspec.exact.model.extract import MANY
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.solve import solve
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Shared
 state:
   k: {type: int, low: 0, high: 99}
 action:
@@ -44,7 +41,7 @@ horizon: 3
 
 
 def task(following: str) -> Task:
-    return build(read_text(SPEC.replace("NEXT", f'"{following}"')))
+    return build_text(SPEC.replace("NEXT", f'"{following}"'))
 
 
 def flags(*chances: float | Fraction) -> Iterator[tuple[tuple[bool, ...], Fraction]]:
@@ -148,10 +145,7 @@ def test_a_permutation_costs_what_is_looked_at(expression: str, most: int, chanc
 
 
 def mines(n: int, k: int, how: str) -> Task:
-    return build(
-        read_text(f"""
-taskspec: 1
-name: Mines
+    return build_text(f"""
 state: {{mine: {{type: bool, shape: {n}}}, at: {{type: int, low: 0, high: {n - 1}}}}}
 action: {{a: {{type: int, low: 0, high: {n - 1}}}}}
 initial: {{mine: "{how.format(n=n, k=k)}", at: 0}}
@@ -159,7 +153,6 @@ dynamics: {{"at'": a}}
 reward: mine[a]
 horizon: 1
 """)
-    )
 
 
 @pytest.mark.parametrize("how", ["Subset({n}, {k})", "Permutation({n}) < {k}"])
@@ -188,8 +181,6 @@ def test_models_leave_out_states_where_episodes_enter_few_of_them() -> None:
 # -- draws that lines of `initial` share --------------------------------------------------------------------------
 
 APART = """
-taskspec: 1
-name: Apart
 parameters: {n: {type: int, default: 6, low: 2}}
 noise:
   order: Permutation(n)
@@ -211,7 +202,7 @@ horizon: 8
 
 
 def test_lines_of_initial_share_a_noise() -> None:
-    env = taskspec.make(build(read_text(APART)))
+    env = taskspec.make(build_text(APART))
     starts = set()
     for seed in range(300):
         seen, _ = env.reset(seed=seed)
@@ -224,7 +215,7 @@ def test_lines_of_initial_share_a_noise() -> None:
 
 
 def test_a_noise_of_the_start_is_drawn_anew_in_steps() -> None:
-    env = taskspec.make(build(read_text(APART)))
+    env = taskspec.make(build_text(APART))
     first, _ = env.reset(seed=1)
     orders = {tuple(env.step(0)[0][3:9]) for _ in range(8)} | {tuple(first[3:9])}
     assert len(orders) == 9
@@ -233,13 +224,13 @@ def test_a_noise_of_the_start_is_drawn_anew_in_steps() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_backends_share_draws_alike(backend: Any) -> None:
     pytest.importorskip(backend)
-    Agreement(build(read_text(APART)), backend, 5, "SameStep", one=ReferenceEnv).run(20)
+    Agreement(build_text(APART), backend, 5, "SameStep", one=ReferenceEnv).run(20)
 
 
 def test_the_start_is_solved_by_counting() -> None:
-    made = build(read_text(APART.replace("default: 6", "default: 16").replace("  far: {type: int, low: 0, high: n + 3}\n", "")
+    made = build_text(APART.replace("default: 6", "default: 16").replace("  far: {type: int, low: 0, high: n + 3}\n", "")
                            .replace(", far: late", "").replace(", far: far, order: order, shift: shift", "")
-                           .replace("  late: order[0] + UniformInt(0, 3)\n", "")))  # fmt: skip
+                           .replace("  late: order[0] + UniformInt(0, 3)\n", ""))  # fmt: skip
     model = extract(made, reachable=True)
     assert np.flatnonzero(model.start).size == 16 * 15
     assert model.start[model.start > 0] == pytest.approx(1 / 240)
@@ -249,6 +240,6 @@ def test_the_start_is_solved_by_counting() -> None:
 def test_a_noise_of_a_step_cannot_begin_an_episode(noise: str) -> None:
     text = APART.replace("shift: UniformInt(0, 9)", f'shift: "{noise}"').replace("far: late", "far: 0 * shift")
     with pytest.raises(SpecError) as found:
-        build(read_text(text.replace(", shift: shift}", "}")))
+        build_text(text.replace(", shift: shift}", "}"))
     assert found.value.codes == ["E302"]
     assert "an episode begins before any step" in str(found.value)

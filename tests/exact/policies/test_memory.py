@@ -4,7 +4,6 @@ import itertools
 import pickle
 from collections.abc import Sequence
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,10 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.exact.rollout.rollout import by_expert, simulate
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import codes, statuses, with_code
 from tests.shared.invariants import broken
+from tests.shared.sections import build_text
 
 SEEN = "heard: heard"
 DRAWN = 'heard: "0 if fresh else (1 + tiger if Bernoulli(17/20) else 2 - tiger)"'
@@ -33,8 +31,6 @@ def spec(observation: str = SEEN, memory: str = "", more: str = "") -> str:
         "@", "clip(lead + (heard'' == 2) - (heard'' == 1), -9, 9)"
     )
     return f"""
-taskspec: 1
-name: Tiger
 state:
   tiger: {{type: choice, values: [left, right]}}
   {heard}
@@ -57,7 +53,7 @@ expert:
 
 
 def tiger(observation: str = SEEN, memory: str = "", more: str = "") -> Task:
-    return build(read_text(spec(observation, memory, more), "tiger.yaml"))
+    return build_text(spec(observation, memory, more))
 
 
 def by_hand(tiger: int, heard: Sequence[int]) -> tuple[Fraction, int]:
@@ -114,11 +110,6 @@ def test_its_return_is_exact(observation: str) -> None:
     assert score(task, Expert(task)).value.value == pytest.approx(float(expected()), abs=1e-12)
 
 
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def test_a_batch_remembers_apart() -> None:
     expert = Expert(tiger())
     state: Any = None
@@ -131,7 +122,7 @@ def test_a_batch_remembers_apart() -> None:
 
 def test_the_task_is_the_same_for_everyone_else() -> None:
     task = tiger()
-    without = build(read_text(spec().replace(spec()[spec().index("memory:") :], ""), "tiger.yaml"))
+    without = build_text(spec().replace(spec()[spec().index("memory:") :], ""))
     assert task.observation_space == without.observation_space
     assert [c.name for c in task.state] == ["tiger", "heard", "open"]
     mine = scores(task)
@@ -185,7 +176,7 @@ WRONG = {
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + heard}": ("E302", "before the step"),
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + Bernoulli(1/2)}": ("E311", "seen and done"),
     "lead: {type: int, low: -9, high: 9, initial: 0}": ("E203", "`next`"),
-    "tiger: {type: int, low: -9, high: 9, initial: 0, next: 0}": ("E309", "is a state component already, in line 5"),
+    "tiger: {type: int, low: -9, high: 9, initial: 0, next: 0}": ("E309", "is a state component already, in line 3"),
     "lead: {type: int, low: -9, high: 9, initial: '0.5', next: 0}": ("E306", "a real"),
 }
 
@@ -201,7 +192,7 @@ def test_mistakes_have_codes(memory: str) -> None:
 
 def test_others_do_not_see_it() -> None:
     with pytest.raises(SpecError) as error:
-        build(read_text(spec().replace("terminal: open'", "terminal: open' or lead > 1"), "tiger.yaml"))
+        build_text(spec().replace("terminal: open'", "terminal: open' or lead > 1"))
     assert error.value.codes == ["E302"] and "memory" in error.value.diagnostics[0].message
 
 
@@ -222,16 +213,13 @@ def test_what_is_remembered_for_nothing_is_warned_of() -> None:
 
 def test_a_variant_changes_a_key_of_it() -> None:
     text = spec(more="variants: {deaf: {memory: {lead: {next: lead}}}}")
-    Path("tiger.yaml").write_text(text)
-    deaf = scores(taskspec.load("tiger.yaml", "deaf"))
+    deaf = scores(build_text(text, "deaf"))
     assert deaf.expert is not None and deaf.expert.value == -5
-    heard = scores(taskspec.load("tiger.yaml"))
+    heard = scores(build_text(text))
     assert heard.expert is not None and heard.expert.value == pytest.approx(float(expected()))
 
 
 MONTY = """
-taskspec: 1
-name: Doors
 state:
   prize: {type: int, low: 0, high: 2}
   chosen: {type: int, low: 0, high: 2}
@@ -258,9 +246,9 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
 
     After the last step `chosen` may be the door that was opened: nobody asks the expert there, though it then names no door.
     """
-    changes = check(build(read_text(MONTY.replace("DOOR", "0 if opened == 3 else 3 - first - opened"))))
+    changes = check(build_text(MONTY.replace("DOOR", "0 if opened == 3 else 3 - first - opened")))
     assert not {"W507", "E409"} & set(changes.codes)
-    keeps = check(build(read_text(MONTY.replace("DOOR", "first"))))
+    keeps = check(build_text(MONTY.replace("DOOR", "first")))
     (warning,) = with_code(keeps.warnings, "W507")
     assert warning.message == (
         "the expert returns 0.3333333333, which is 0.333333 below the optimum of 0.6666666667 of those who remember what they see"
@@ -268,7 +256,7 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
     without = MONTY.replace("memory: ", "definitions: {} # ").replace(
         "DOOR", "0 if opened == 3 else 3 - chosen - opened"
     )
-    assert "E409" not in check(build(read_text(without))).codes
+    assert "E409" not in check(build_text(without)).codes
 
 
 def test_a_broken_observation_is_all_that_is_wrong() -> None:
@@ -298,7 +286,7 @@ def listening(observation: str, looks: bool, more: str = "") -> Task:
     text = text.replace("if: lead >= 2", f"if: lead >= 2 and {now} == 2").replace(
         "if: lead <= -2", f"if: lead <= -2 and {now} == 1"
     )
-    return build(read_text(text, "tiger.yaml"))
+    return build_text(text)
 
 
 @pytest.mark.parametrize("observation", [SEEN, DRAWN])
@@ -321,7 +309,7 @@ def test_it_reads_what_it_sees_as_if_it_remembered_that(observation: str) -> Non
 def test_without_a_memory_it_reads_the_state() -> None:
     text = spec("sound: heard").replace("if: lead >= 2", "if: sound == left").replace("if: lead <= -2", "if: open")
     with pytest.raises(SpecError) as error:
-        build(read_text(text[: text.index("memory:")] + text[text.index("expert:") :]))
+        build_text(text[: text.index("memory:")] + text[text.index("expert:") :])
     (found,) = error.value.diagnostics
     assert (found.code, found.message) == (
         "E302",
@@ -332,14 +320,12 @@ def test_without_a_memory_it_reads_the_state() -> None:
 def test_a_label_of_a_parameter_may_be_called_as_an_observation() -> None:
     memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
     text = spec("sound: heard", memory, "parameters: {ear: {type: choice, values: [sound, deaf], default: deaf}}")
-    assert build(read_text(text.replace("if: lead >= 2", "if: ear == sound"))).annotations.expert is not None
+    assert build_text(text.replace("if: lead >= 2", "if: ear == sound")).annotations.expert is not None
 
 
 # -- modifiers ----------------------------------------------------------------------------------------------------
 
 TURNS = """
-taskspec: 1
-name: Turns
 state: {s: {type: int, low: 0, high: 1}, n: {type: int, low: 0, high: 9}, w: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 1}}
 observation: {s: s, w: w}
@@ -371,7 +357,7 @@ def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: l
     if looks:  # the last action is seen under a name that the state does not have
         text = text.replace("{s: s, w", "{seen: s, w").replace("== s'", "== seen'").replace("0 * s,", "0 * seen,")
         text = text.replace("expert: {a: m}", "expert: {a: (m + seen * t) % 2 if t * seen == 0 else m}")
-    task = build(read_text(text))
+    task = build_text(text)
     twin = taskspec.modify(task, *modifiers)
     assert not list(broken(twin))
     found = Results(twin).enclosure("expert")
@@ -384,5 +370,5 @@ def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: l
     "modifier", ["hidden=s", "observation_noise=1", "dropout=0.5", "permuted_actions=1,per_state=true"]
 )
 def test_an_expert_is_left_out_that_would_not_see_what_it_remembers(modifier: str) -> None:
-    twin = taskspec.modify(build(read_text(TURNS)), modifier)
+    twin = taskspec.modify(build_text(TURNS), modifier)
     assert twin.annotations.memory is None and twin.annotations.expert is None

@@ -15,14 +15,11 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Expert, normalised, score
 from taskspec.exact.scores.returns import Results
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 RISKY = taskspec.load("RiskyPath")
 TREE = """
-taskspec: 1
-name: Tree
 state: {s: {type: int, low: 0, high: 6}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 2
@@ -35,7 +32,7 @@ CLOCKED = TREE.replace("expert: soft(1)", "observation: {time: t}")
 
 
 def tree(text: str = TREE) -> Task:
-    return build(read_text(text, "tree.yaml"))
+    return build_text(text)
 
 
 def soft_return() -> float:

@@ -12,8 +12,7 @@ from taskspec.exact.rollout.rollout import _affordable, at_random, simulate
 from taskspec.exact.scores.returns import Results
 from taskspec.language import draws as variates
 from taskspec.language.registry import load
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 from tests.shared.solved import random_return
 from tests.shared.specs import spec_file
 from tests.shared.tasks import model_of, shipped, spec
@@ -77,12 +76,10 @@ def test_a_poisson_draw_is_charged_for_every_count_that_is_searched() -> None:
 def test_rows_of_a_table_of_probabilities_become_words_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """In fractions that takes a millisecond a row, and episodes look rows up in thousands of steps."""
     rows = "{s': 'Categorical(P[s])'}"
-    task = build(
-        read_text(
-            "taskspec: 1\nname: Rows\nconstants: {P: '[[1/3, 1/3, 1/3], [1/2, 1/4, 1/4], [1/7, 2/7, 4/7]]'}\nhorizon: 50\n"
-            "state: {s: {type: int, low: 0, high: 2}}\naction: {a: {type: bool}}\n"
-            f"initial: {{s: 0}}\ndynamics: {rows}\nreward: s\n"
-        )
+    task = build_text(
+        "constants: {P: '[[1/3, 1/3, 1/3], [1/2, 1/4, 1/4], [1/7, 2/7, 4/7]]'}\nhorizon: 50\n"
+        "state: {s: {type: int, low: 0, high: 2}}\naction: {a: {type: bool}}\n"
+        f"initial: {{s: 0}}\ndynamics: {rows}\nreward: s\n"
     )
     found = []
     made = variates.thresholds

@@ -11,10 +11,10 @@ from scipy.special import softmax
 from taskspec import exact
 from taskspec.exact.rules.claim_rules import FUNCTIONS, MODELS, RESULTS
 from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
-from taskspec.language import registry, source
-from taskspec.language.task.build import build
+from taskspec.language import registry
 from tests.shared.diagnostics import statuses, with_code
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 from tests.shared.specs import EVERY, specs, tasks_of
 
@@ -53,8 +53,6 @@ claims:
   - CLAIM
 """
 SIMULATED = """
-taskspec: 1
-name: Toss
 state:
   x: {type: real, low: 0, high: 1}
 action:
@@ -72,7 +70,7 @@ claims:
 
 
 def verdict(claim: str, text: str = PATH) -> Verdict:
-    (found,) = verdicts(build(source.read_text(text.replace("CLAIM", claim), "path.yaml")))
+    (found,) = verdicts(build_text(text.replace("CLAIM", claim)))
     return found
 
 
@@ -200,12 +198,12 @@ def test_claims_by_simulation() -> None:
 
 def test_cases_and_tolerance() -> None:
     text = PATH.replace("CLAIM", "{claim: states == n + 1, for: [{n: 1}, {n: 5}, {n: 9}]}")
-    found = list(verdicts(build(source.read_text(text, "path.yaml"))))
+    found = list(verdicts(build_text(text)))
     assert statuses(found) == ["proved"] * 3
     for each, n in zip(found, (1, 5, 9), strict=True):
         assert each.parameters == {"n": n}
     text = PATH.replace("CLAIM", "{claim: states == 6, for: [{n: 5}, {n: 6}, {n: 99}]}")
-    found = list(verdicts(build(source.read_text(text, "path.yaml"))))
+    found = list(verdicts(build_text(text)))
     assert statuses(found) == ["proved", "false", "broken"]
     assert found[1].diagnostic is not None
     assert found[1].diagnostic.notes == ("for n = 6",)
@@ -241,13 +239,11 @@ def test_actions_that_are_as_frequent_within_a_billionth_are_tied(ahead: float, 
     drawn = f"Bernoulli({chance.format(p=0.5 + ahead)})"
     text = PATH.replace("CLAIM", "prefers(expert, a == go, at=s == 0)")
     text = re.sub(r"(?m)^expert:.*$", f"expert: {{a: 'go if {drawn} else stay', idle: 0}}", text)
-    (found,) = verdicts(build(source.read_text(text, "path.yaml")))
+    (found,) = verdicts(build_text(text))
     assert found.status == status, found.detail
 
 
 DISCOUNTED = """
-taskspec: 1
-name: Discounted
 state:
   s: {type: int, low: 0, high: 2}
 action:
@@ -273,7 +269,7 @@ def test_returns_of_trajectories_are_discounted() -> None:
 def test_parameters_given_at_build_reach_the_claims() -> None:
     values: dict[str, Any] = {"n": 7}
     text = PATH.replace("CLAIM", "states == 8")
-    (found,) = verdicts(build(source.read_text(text, "path.yaml"), None, values))
+    (found,) = verdicts(build_text(text, **values))
     assert found.status == "proved"
 
 
@@ -291,8 +287,6 @@ def test_returns_of_episodes_that_never_terminate_are_known_to_the_last_step(dis
 
 
 ENDING = """
-taskspec: 1
-name: Ending
 state: {s: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 5
@@ -332,8 +326,6 @@ def test_a_report_is_about_its_task_and_says_of_numbers_only_what_is_not_written
 
 
 LATE = """
-taskspec: 1
-name: Late
 state: {s: {type: int, low: 0, high: 4}}
 action: {a: {type: choice, values: [left, right]}}
 horizon: 9
@@ -359,7 +351,7 @@ claims: [optimal_return == 3]
 )
 def test_a_false_claim_names_what_reads_the_state_left(old: str, new: str, section: str | None) -> None:
     """Where the end, or the reward, may be meant for the state that a step reaches."""
-    report = exact.check(build(source.read_text(LATE.replace(old, new))))
+    report = exact.check(build_text(LATE.replace(old, new)))
     (wrong,) = with_code(report.diagnostics, "E601")
     hint = section and f"`{section}` reads `s`, the state that a step leaves; `s'` is the state that it reaches"
     assert wrong.hint == hint

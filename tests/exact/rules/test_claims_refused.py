@@ -4,9 +4,8 @@ import pytest
 
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.exact import verdicts
-from taskspec.language import source
-from taskspec.language.task.build import build
 from tests.shared.diagnostics import codes
+from tests.shared.sections import build_text
 
 PATH = """
 taskspec: 1
@@ -26,7 +25,7 @@ claims:
 
 
 def wrong(claim: str) -> list[Diagnostic]:
-    found = verdicts(build(source.read_text(PATH.replace("CLAIM", claim), "path.yaml")))
+    found = verdicts(build_text(PATH.replace("CLAIM", claim)))
     return [verdict.diagnostic for verdict in found if verdict.diagnostic is not None]
 
 

@@ -16,6 +16,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import codes
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.specs import EVERY, specs, tasks_of
 
 ROOT = Path(__file__).parents[3]
@@ -51,7 +52,7 @@ AT = {"state": {"s": 1, "mood": "calm", "v": V}, "action": {"a": "on", "b": True
 def problems(*examples: dict[str, Any], **sections: Any) -> list[Diagnostic]:
     text = json.dumps(SPEC | sections | {"examples": list(examples)}, indent=1)
     try:
-        return told(build(source.read_text(text, "walk.yaml")))
+        return told(build_text(text))
     except SpecError as error:
         return list(error.diagnostics)
 
@@ -155,7 +156,7 @@ def with_examples(task: Task, examples: list[dict[str, Any]]) -> Task:
 
 def test_check_runs_examples_without_being_asked() -> None:
     text = json.dumps(SPEC | {"examples": [AT | {"next": {"s": 2}}, AT | {"reward": {"2": "3/4", "-9": "1/4"}}]})
-    report = check(build(source.read_text(text, "walk.yaml")))
+    report = check(build_text(text))
     assert report.coverage.wrong_examples == {0}
     assert "E611" in codes(report.errors)
 

@@ -19,12 +19,11 @@ from taskspec.exact import PomdpBounds, Results, check, extract, pomdp_bounds
 from taskspec.exact.scores.difficulty import SEARCHES, best_observing
 from taskspec.exact.solve.enclosure import Enclosure
 from taskspec.language.modifiers import keeps_observers
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.exact.policies.test_memory import TURNS, tiger
 from tests.language.modifiers.test_modifiers import OBSERVED, small
 from tests.shared.diagnostics import statuses
+from tests.shared.sections import build_text
 from tests.shared.specs import spec_file
 
 Look = Callable[[dict[str, Any], int], object]
@@ -54,10 +53,7 @@ def drawn(seed: int, horizon: int = 4, claims: str = "[]") -> Task:
         moves[s] = {0: row(), 1: row()}
     for s in range(6):
         pays[s] = {0: rng.randint(-9, 9), 1: rng.randint(-9, 9)}
-    return build(
-        read_text(f"""
-taskspec: 1
-name: Drawn
+    return build_text(f"""
 state: {{s: {{type: int, low: 0, high: 5}}}}
 action: {{a: {{type: int, low: 0, high: 1}}}}
 horizon: {horizon}
@@ -69,7 +65,6 @@ terminal: {rng.choice(("s' == 5", "false"))}
 observation: {{o: s {("// 2", "% 3", "// 3")[seed % 3]}, late: {("t > 1", "false")[seed % 2]}}}
 claims: {claims}
 """)
-    )
 
 
 class Tables:
@@ -157,7 +152,7 @@ def test_values_are_those_of_brute_force(seed: int) -> None:
 
 def test_tiger_is_as_in_a_tree_of_histories() -> None:
     text = (spec_file("tiger")).read_text().replace("horizon: 20", "horizon: 5")
-    task = build(read_text(text))
+    task = build_text(text)
     told = pomdp_bounds(Results(task))
     tables = Tables(task, lambda state, t: state["heard"])
     assert told is not None
@@ -179,10 +174,7 @@ def test_without_time_the_bounds_are_wide_and_hold(seed: int, monkeypatch: pytes
 
 def bandit(odds: str, most: int, horizon: int) -> Task:
     """Two arms with odds that depend on a hidden state."""
-    return build(
-        read_text(f"""
-taskspec: 1
-name: Bandit
+    return build_text(f"""
 state: {{p: {{type: int, low: 0, high: {most}}}, last: {{type: int, low: 0, high: 1}}, paid: {{type: bool}}}}
 action: {{a: {{type: int, low: 0, high: 1}}}}
 noise: {{hit: "Bernoulli({odds})"}}
@@ -192,7 +184,6 @@ initial: {{p: "UniformInt(0, {most})", last: 0, paid: false}}
 dynamics: {{last': a, paid': hit}}
 reward: hit
 """)
-    )
 
 
 def test_a_second_is_enough_for_a_bandit_of_twelve_pulls() -> None:
@@ -224,8 +215,6 @@ def test_what_is_all_seen_has_no_such_bounds() -> None:
 
 
 NOISY = """
-taskspec: 1
-name: Noisy
 state: {place: {type: int, low: 0, high: 1}STATE}
 action: {a: {type: int, low: 0, high: 1}}
 noise: {coin: Bernoulli(1/3), hum: Bernoulli(1/4)}
@@ -261,7 +250,7 @@ def noisy(seen: list[str], stored: bool) -> Task:
     text = NOISY
     for name, part in parts.items():
         text = text.replace(name, part)
-    return build(read_text(text))
+    return build_text(text)
 
 
 @pytest.mark.parametrize("name", STORED)
@@ -284,7 +273,7 @@ def test_what_is_seen_at_random_has_finitely_many_values() -> None:
 @pytest.mark.parametrize("written", sorted(OBSERVED))
 def test_what_is_said_of_those_who_see_observations_alone_is_so(written: str) -> None:
     """A task that pays for alternation: who remembers what was done earns all of it, and who does not, less."""
-    task = build(read_text(TURNS))
+    task = build_text(TURNS)
     assert keeps_observers(task, written)
     twin = Results(taskspec.modify(task, written))
     for which in SEARCHES:

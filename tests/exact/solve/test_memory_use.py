@@ -11,14 +11,11 @@ from taskspec.exact.model.points import BYTES, Cost
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.exact.solve import plans
-from taskspec.language import source
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.diagnostics import statuses
+from tests.shared.sections import build_text
 
 HANOI = """
-taskspec: 1
-name: Hanoi
 parameters:
   n: {type: int, default: 7, low: 1, high: 10, doc: disks}
 state:
@@ -40,7 +37,7 @@ expert: optimal
 
 
 def task(text: str, **parameters: Any) -> Task:
-    return build(source.read_text(text), None, parameters)
+    return build_text(text, **parameters)
 
 
 def peak(act: Callable[[], Any]) -> float:
@@ -87,6 +84,6 @@ def test_points_that_are_taken_at_once_fit_into_the_memory_that_is_allowed(
     set_limits: Callable[..., None], megabytes: int
 ) -> None:
     set_limits(megabytes=megabytes)
-    cost = Cost(build(source.read_text(HANOI)).process.next)
+    cost = Cost(build_text(HANOI).process.next)
     assert cost.batch(7) == 7
     assert 1e6 * megabytes / 2 < cost.batch(1e18) * cost.numbers * BYTES <= 1e6 * megabytes

@@ -16,19 +16,16 @@ from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.bounded import Bound, Bounded
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 from taskspec.exact.solve.plans import _LogOutcomes
-from taskspec.language import source
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 
 def status(text: str, claim: str, **parameters: Any) -> str:
-    task = build(source.read_text(f"{text}claims:\n  - {claim}\n", "spec.yaml"), None, parameters)
+    task = build_text(f"{text}claims:\n  - {claim}\n", **parameters)
     (found,) = verdicts(task)
     return found.status
 
 
 LURE = """
-taskspec: 1
-name: Lure
 parameters: {C: {type: int, default: 1}}
 state: {k: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 1}}
@@ -48,8 +45,6 @@ def test_what_is_hardly_ever_done_is_done_in_the_end(cost: int, expected: str) -
 
 
 CANCELS = """
-taskspec: 1
-name: Cancels
 state: {k: {type: int, low: 0, high: 3}}
 action: {a: {type: int, low: 0, high: 0}}
 horizon: none
@@ -69,8 +64,6 @@ def test_a_sign_that_rounding_hides_is_not_taken_for_granted(sign: str, truth: s
 
 
 RARE = """
-taskspec: 1
-name: Rare
 state: {k: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 0}}
 horizon: 2
@@ -92,15 +85,13 @@ reward: PAID
 def test_numbers_outside_of_the_domain_are_refused(step: str, paid: str, without_horizon: bool) -> None:
     text = RARE.replace("START", "0").replace("STEP", f'"{step}"').replace("PAID", paid)
     text = text.replace("horizon: 2", "horizon: none\ndiscount: 1/4") if without_horizon else text
-    task = build(source.read_text(text))
+    task = build_text(text)
     assert [d.code for d in check(task).diagnostics if d.code.startswith("E4")] == ["E411"]
     with pytest.raises(NoModel, match="E411"):
         extract(task)
 
 
 SUMS = """
-taskspec: 1
-name: Sums
 parameters: {N: {type: int, default: 9999, low: 1}}
 state: {k: {type: int, low: 0, high: 1}}
 action: {a: {type: int, low: 0, high: 1}}
@@ -190,8 +181,6 @@ def test_unlikely_events_may_happen_together(step: str) -> None:
 
 
 LOCK = """
-taskspec: 1
-name: Lock
 parameters: {N: {type: int, default: 9, low: 1}}
 state: {k: {type: int, low: 0, high: N}}
 action: {a: {type: int, low: 0, high: 1}}
@@ -244,8 +233,6 @@ def test_what_is_preferred_is_the_same_in_rationals_and_in_floats(
 
 
 THIRDS = """
-taskspec: 1
-name: Thirds
 state: {k: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: none
@@ -258,14 +245,14 @@ reward: 1/3
 
 def test_a_return_without_a_horizon_leaves_room_for_its_rounding() -> None:
     """A third in every step is two thirds in all, which no float is."""
-    found = InfiniteHorizon(extract(build(source.read_text(THIRDS)))).value(Uniform())
+    found = InfiniteHorizon(extract(build_text(THIRDS))).value(Uniform())
     assert found.low < Fraction(2, 3) < found.high
     assert found.high - found.low < 1e-12
 
 
 def test_ends_of_episodes_take_nothing_off_the_error_of_maximum_entropy() -> None:
     text = THIRDS.replace("horizon: none\ndiscount: 1/2", "horizon: 3\nterminal: k' >= 0")
-    model = extract(build(source.read_text(text)))
+    model = extract(build_text(text))
     zero = np.zeros(model.n_states)
     found = _LogOutcomes(Bounded(model), 0, 1.0).log_q(Bound(zero), 0)
     value = found.value[:, 0]
@@ -274,8 +261,6 @@ def test_ends_of_episodes_take_nothing_off_the_error_of_maximum_entropy() -> Non
 
 
 WAITS = """
-taskspec: 1
-name: Waits
 state: {k: {type: int, low: 0, high: 1}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: none
@@ -309,8 +294,6 @@ def test_long_chains_are_solved_by_substitution(monkeypatch: pytest.MonkeyPatch)
 
 
 EPIDEMIC = """
-taskspec: 1
-name: Epidemic
 state: {s: {type: int, low: 0, high: 5}, i: {type: int, low: 0, high: 6}}
 action: {v: {type: int, low: 0, high: 2}}
 noise:

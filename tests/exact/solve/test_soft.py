@@ -5,12 +5,9 @@ import math
 import pytest
 
 from taskspec.exact.rules.claim_verdicts import verdicts
-from taskspec.language import source
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 FORK = """
-taskspec: 1
-name: Fork
 parameters:
   R: {type: int, default: 1}
 state:
@@ -26,7 +23,7 @@ reward: "R if k == 0 else a * side"
 
 
 def status(claim: str, paid: int) -> str:
-    (found,) = verdicts(build(source.read_text(f"{FORK}claims:\n  - {claim}\n", "fork.yaml"), None, {"R": paid}))
+    (found,) = verdicts(build_text(f"{FORK}claims:\n  - {claim}\n", R=paid))
     return found.status
 
 

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 import taskspec
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs.reference import ReferenceProgram
 from tests.seeding_page import CODE, CONSTANT, STEP, words
 from tests.shared.for_each import for_each
 from tests.shared.scripts import DOCS
+from tests.shared.sections import build_text
 
 SEED = 2**40 + 7
 F = np.float32
@@ -115,11 +114,7 @@ VALUES: dict[str, Callable[[Words, int], Any]] = {
 def valued(written: str) -> Task:
     target = "z" if written.startswith("z: ") else "x"
     text = json.dumps(written.removeprefix("z: "))
-    return build(
-        read_text(
-            f"""
-taskspec: 1
-name: Values
+    return build_text(f"""
 constants: {{rows: [[1/7, 1/7, 1/7, 1/7, 1/7, 1/7, 1/7], "[k / 28 for k in range(1, 8)]"]}}
 state: {{y: {{type: int, low: 0, high: 40}}, x: {{type: int}}, z: {{type: real}}}}
 action: {{a: {{type: bool}}}}
@@ -127,9 +122,7 @@ horizon: none
 initial: {{y: 0, x: 0, z: 0}}
 dynamics: {{{target}': {text}, y': (y + 7) % 41}}
 reward: 0
-"""
-        )
-    )
+""")
 
 
 @for_each("written", VALUES)
@@ -148,18 +141,14 @@ def test_values(written: str) -> None:
 
 
 def test_dirichlet() -> None:
-    task = build(read_text(
-        """
-taskspec: 1
-name: Shares
+    task = build_text("""
 state: {d: {type: real, shape: 3}}
 action: {a: {type: bool}}
 horizon: 9
 initial: {d: 0}
 dynamics: {d': "Dirichlet((0.5, 1, 4))"}
 reward: 0
-"""
-    ))  # fmt: skip
+""")  # fmt: skip
     program = ReferenceProgram(task, SEED)
     program.reset()
     for n in range(9):
@@ -170,10 +159,7 @@ reward: 0
 
 def test_constants_of_an_instance() -> None:
     """Each has words of its own, whichever of them needs which."""
-    task = build(read_text(
-        """
-taskspec: 1
-name: Instance
+    task = build_text("""
 parameters: {instance_seed: {type: int, default: 1099511627783}}
 constants:
   late: "early + UniformInt(0, 1048575)"
@@ -185,8 +171,7 @@ horizon: 9
 initial: {x: early, y: late, v: größe}
 dynamics: {}
 reward: 0
-"""
-    ))  # fmt: skip
+""")  # fmt: skip
     program = ReferenceProgram(task, 0)
     program.reset()
 
@@ -199,10 +184,7 @@ reward: 0
 
 def test_rows_that_stay_the_same_are_exact() -> None:
     """The word of this step lies between 2**32 / 3 and what float32 makes of it."""
-    task = build(read_text(
-        """
-taskspec: 1
-name: Rows
+    task = build_text("""
 constants: {rows: [[1/3, 2/3], [1/2, 1/2]]}
 state: {k: {type: int, low: 0, high: 1}, x: {type: int}}
 action: {a: {type: bool}}
@@ -210,8 +192,7 @@ horizon: 1
 initial: {k: 0, x: 9}
 dynamics: {x': "Categorical(rows[k])"}
 reward: 0
-"""
-    ))  # fmt: skip
+""")  # fmt: skip
     seed = 9063343
     (w,) = words(seed, STEP, 0, 1)
     assert uniform(w) < F(1 / 3) < Fraction(w, 2**32) + Fraction(1, 2**24)

@@ -11,14 +11,11 @@ from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.interval import single
 from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.types import REAL, Role
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from tests.conftest import needs_vectors
+from tests.shared.sections import build_text
 
 pytestmark = needs_vectors()
-SPEC = """\
-taskspec: 1
-name: Single
+SPEC = """
 state: {{x: {{type: real, low: 0, high: {high}}}}}
 action: {{a: {{type: int, low: 0, high: 1}}}}
 observation: {{o: "{seen}"}}
@@ -40,7 +37,7 @@ reward: "{reward}"
     ],
 )
 def test_ints_that_single_floats_make_too_wide_are_refused(high: str, reward: str) -> None:
-    task = build(read_text(SPEC.format(high=high, reward=reward, seen="t")))
+    task = build_text(SPEC.format(high=high, reward=reward, seen="t"))
     VectorEnvironment(task, 1, backend="numpy")
     with pytest.raises(SpecError, match="E715"):
         VectorEnvironment(task, 1, backend="jax")
@@ -49,7 +46,7 @@ def test_ints_that_single_floats_make_too_wide_are_refused(high: str, reward: st
 @pytest.mark.parametrize("backend", ["numpy", "jax"])
 @pytest.mark.parametrize("seen", ["floor(x * 3)", "floor(x * 3) - 1", "ceil(-3 * x)"])
 def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend: str, seen: str) -> None:
-    task = build(read_text(SPEC.format(high="0.99999999", reward=0, seen=seen)))
+    task = build_text(SPEC.format(high="0.99999999", reward=0, seen=seen))
     env = VectorEnvironment(task, 1, backend=backend)
     shown, _ = env.reset(seed=0)
     for _ in range(3):
@@ -68,7 +65,7 @@ def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend
     ],
 )
 def test_ends_that_single_floats_hold_give_no_room_for_more(seen: str, values: int) -> None:
-    space = taskspec.make(build(read_text(SPEC.format(high="1", reward=0, seen=seen)))).observation_space
+    space = taskspec.make(build_text(SPEC.format(high="1", reward=0, seen=seen))).observation_space
     assert isinstance(space, Discrete) and space.n == values
 
 

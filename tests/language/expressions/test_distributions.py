@@ -7,9 +7,8 @@ from scipy import stats
 import taskspec
 from taskspec.exact import extract
 from taskspec.language.expressions.dists import DISTS
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 DEFAULTS = {
     ("Normal()", "Normal(0, 1)"), ("Normal(mean=3)", "Normal(3, 1)"), ("Normal(std=2)", "Normal(0, 2)"),
@@ -19,8 +18,6 @@ DEFAULTS = {
 
 def drawing(drawn: str, kind: str) -> Task:
     text = f"""
-taskspec: 1
-name: Drawing
 state: {{x: {{type: {kind}}}}}
 action: {{a: {{type: bool}}}}
 horizon: 1
@@ -28,7 +25,7 @@ initial: {{x: "{drawn}"}}
 dynamics: {{x': x}}
 reward: x
 """
-    return build(read_text(text, "drawing.yaml"))
+    return build_text(text)
 
 
 @pytest.mark.parametrize(("short", "long"), sorted(DEFAULTS))

@@ -18,16 +18,13 @@ import pytest
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.exact import extract
 from taskspec.language.expressions.ir import draws
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.solved import random_return
 
 HEAD = """
-taskspec: 1
-name: Written
 constants: {v: "[4, 5, 6, 7]", m: "[[0, 1], [2, 3], [4, 5], [6, 7]]"}
 definitions:
   "square(x)": x * x
@@ -109,7 +106,7 @@ OTHERS = re.compile(r"UniformInt|Uniform|Categorical|Bernoulli")
 
 
 def task_of(rest: str) -> Task:
-    return build(read_text(re.sub(r"\bD\b", "UniformInt(0, 3)", HEAD + rest)), None, {}, "")
+    return build_text(re.sub(r"\bD\b", "UniformInt(0, 3)", HEAD + rest))
 
 
 def average(value: Callable[..., Any]) -> Fraction:

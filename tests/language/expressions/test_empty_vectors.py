@@ -8,16 +8,13 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import scores
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 
 DISTRACTED = """
-taskspec: 1
-name: Distracted
 summary: Walk to the end, beside numbers that mean nothing.
 parameters:
   M: {type: int, default: 3, low: 0, high: 9, doc: how many numbers mean nothing}
@@ -88,8 +85,6 @@ MISTAKES = [
 
 def spec(reward: str) -> str:
     return f"""
-taskspec: 1
-name: Nothing
 parameters:
   M: {{type: int, default: 0, low: 0, high: 9}}
 constants:
@@ -113,7 +108,7 @@ reward: "{reward}"
 
 
 def nothing(text: str, **given: Any) -> Task:
-    return build(read_text(text), parameters=given)
+    return build_text(text, **given)
 
 
 @for_each(("reward", "value"), VALUES)
@@ -200,7 +195,7 @@ def test_one_cause_is_reported_once() -> None:
     lines = spec("max(c) + c[s]").replace("horizon: 3\n", "horizon: 3\nterminal: min(c) == 3\n")
     lines = lines.replace("definitions:\n", "definitions:\n  first: c[0]\n")
     with pytest.raises(SpecError) as caught:
-        build(read_text(lines))
+        build_text(lines)
     (found,) = caught.value.diagnostics
     assert found.code == "E407"
     assert len(found.notes) == 1 and found.notes[0].count("line ") == 2

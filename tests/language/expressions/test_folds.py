@@ -9,13 +9,10 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import scores
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.sections import build_text
 
 BRACKETS = """
-taskspec: 1
-name: Brackets
 summary: Write brackets that close; what is left open costs.
 definitions:
   "depth(d, sign)": max(d - 1, 0) if sign == 2 else min(d + (sign == 1), 3)
@@ -44,7 +41,7 @@ def depth(d: int, sign: int) -> int:
 
 def test_folds_are_those_of_python() -> None:
     """And the reward is paid in the step that ends the episode, whatever ends it."""
-    env: Any = taskspec.make(build(read_text(BRACKETS)))
+    env: Any = taskspec.make(build_text(BRACKETS))
     ends = 0
     for seed, word in enumerate(itertools.product(range(3), repeat=4)):
         seen, _ = env.reset(seed=seed)
@@ -64,13 +61,13 @@ def test_folds_are_those_of_python() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_backends_agree(backend: Any) -> None:
     pytest.importorskip(backend)
-    Agreement(build(read_text(BRACKETS)), backend, 5, "SameStep", one=ReferenceEnv).run(30)
+    Agreement(build_text(BRACKETS), backend, 5, "SameStep", one=ReferenceEnv).run(30)
 
 
 def test_the_end_in_a_reward_is_the_condition_written_out() -> None:
     ended = BRACKETS.replace("i >= 3 and Bernoulli(1/2)", "i >= 3")
     written = ended.replace("if terminal else", "if i >= 3 else")
-    found, expected = (scores(build(read_text(text))) for text in (ended, written))
+    found, expected = (scores(build_text(text)) for text in (ended, written))
     assert (found.optimal, found.random, found.worst) == (expected.optimal, expected.random, expected.worst)
     assert float(found.optimal.value) == 1
 
@@ -90,6 +87,6 @@ def test_the_end_in_a_reward_is_the_condition_written_out() -> None:
 )
 def test_what_is_no_fold_and_no_end_is_said(old: str, new: str, code: str, words: str) -> None:
     with pytest.raises(SpecError) as found:
-        build(read_text(BRACKETS.replace(old, new)))
+        build_text(BRACKETS.replace(old, new))
     assert code in found.value.codes
     assert any(words in d.message for d in found.value.diagnostics if d.code == code)

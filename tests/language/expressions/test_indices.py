@@ -15,12 +15,11 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs.options import StateError
 from taskspec.exact.model.extract import extract
 from taskspec.exact.soundness.soundness import soundness
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement
 from tests.shared.diagnostics import codes
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 
 SPEC = """
 taskspec: 1
@@ -62,7 +61,7 @@ reward: REWARD
 
 
 def task_of(reward: str, **parameters: Any) -> Task:
-    return build(read_text(SPEC.replace("REWARD", reward), "indices.yaml"), None, parameters)
+    return build_text(SPEC.replace("REWARD", reward), **parameters)
 
 
 def rewards(task: Task) -> list[float]:
@@ -102,7 +101,7 @@ def test_where_indices_point_on_every_backend(backend: str) -> None:
     pytest.importorskip(backend)
     parts = ", ".join(c for c in CASES if not {"t", "a", "x", "none", "zero", "swap"} & set(re.findall(r"\b[a-z]+", c)))
     text = SPEC.replace("REWARD", "0") + f'observation:\n  o: "[{parts}]"\n'
-    Agreement(build(read_text(text, "indices.yaml")), backend, 3, "SameStep").run(12)
+    Agreement(build_text(text), backend, 3, "SameStep").run(12)
 
 
 @pytest.mark.parametrize("reward", ["v[3]", "v[-4]", "m[0, 3]", "v[n + 2]"])
@@ -131,8 +130,6 @@ LEAVES = {
 def leaving(name: str) -> tuple[Task, list[float]]:
     constants, bounds, initial, dynamics, reward, expected = LEAVES[name]
     text = f"""
-taskspec: 1
-name: Leaves
 constants:
   one: 1
   {constants}
@@ -147,7 +144,7 @@ dynamics:
   s': {dynamics}
 reward: {reward}
 """
-    return build(read_text(text, "leaves.yaml")), expected
+    return build_text(text), expected
 
 
 @pytest.mark.parametrize("name", LEAVES)
@@ -201,8 +198,6 @@ def test_the_time_as_an_index(backend: str, mode: str) -> None:
     """Lanes whose episodes have ended are stepped with the others, and their time is that of no step."""
     pytest.importorskip(backend)
     text = """
-taskspec: 1
-name: Clock
 constants:
   table: "[i % 7 for i in range(40)]"
 state: {v: {type: int, shape: [40, 2], low: 0, high: 99}}
@@ -213,7 +208,7 @@ initial:
 dynamics: {v': v}
 reward: table[t] + sum(v[t]) + a
 """
-    Agreement(build(read_text(text, "clock.yaml")), backend, 3, mode).run(90)
+    Agreement(build_text(text), backend, 3, mode).run(90)
 
 
 # -- reals ------------------------------------------------------------------------------------------------------------
@@ -224,8 +219,6 @@ def test_an_index_made_of_reals_is_moved_whatever_bounds_say(backend: str) -> No
     """25 times 1.16 is 29 or a little less, as it is added up; a table of 29 rows has none of that number."""
     pytest.importorskip(backend)
     text = """
-taskspec: 1
-name: Floors
 constants:
   table: "[i for i in range(29)]"
 state: {v: {type: real, shape: [25], low: 1.16, high: 1.16}}
@@ -236,7 +229,7 @@ initial:
 dynamics: {v': v}
 reward: table[floor(sum(v))]
 """
-    task = build(read_text(text, "floors.yaml"))
+    task = build_text(text)
     env = taskspec.make(task)
     env.reset(seed=0)
     assert env.step(0)[1] == 28.0

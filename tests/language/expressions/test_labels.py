@@ -7,13 +7,10 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.sections import build_text
 
 TURTLE = """
-taskspec: 1
-name: Turtle
 state:
   x: {type: int, low: 0, high: 4}
   y: {type: int, low: 0, high: 4}
@@ -40,7 +37,7 @@ horizon: 30
 
 def test_turns_and_steps() -> None:
     """Beside a few lines of Python."""
-    env: Any = taskspec.make(build(read_text(TURTLE)))
+    env: Any = taskspec.make(build_text(TURTLE))
     rng = random.Random(1)
     labels = ["north", "east", "south", "west"]
     for seed in range(20):
@@ -72,7 +69,7 @@ def test_turns_and_steps() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_backends_number_labels_alike(backend: Any) -> None:
     pytest.importorskip(backend)
-    Agreement(build(read_text(TURTLE)), backend, 5, "SameStep", one=ReferenceEnv).run(40)
+    Agreement(build_text(TURTLE), backend, 5, "SameStep", one=ReferenceEnv).run(40)
 
 
 @pytest.mark.parametrize("values", ["{low: 1, also_low: 1}", "{up: [0, 1], down: [1, 0]}", "{half: 0.5, one: 1}"])
@@ -84,14 +81,12 @@ def test_numbers_that_say_no_label(values: str) -> None:
     if "one: 1}" in values:  # a literal that is one label's value needs no arithmetic
         lines = [line.replace("odd': 1", "odd': 0 + x") for line in lines]
     with pytest.raises(SpecError) as found:
-        build(read_text("\n".join(lines)))
+        build_text("\n".join(lines))
     assert found.value.codes == ["E306"]
     assert "a table gives each number its label" in (found.value.diagnostics[0].hint or "")
 
 
 PAIRS = """
-taskspec: 1
-name: Pairs
 state:
   s: {type: choice, values: [w, x, y]}
   q: {type: choice, values: [y, z]}
@@ -120,7 +115,7 @@ reward: REWARD
     ],
 )
 def test_labels_inside_vectors_are_those_of_their_choice(reward: str, holds: Any) -> None:
-    env: Any = taskspec.make(build(read_text(PAIRS.replace("REWARD", f'"{reward}"'))))
+    env: Any = taskspec.make(build_text(PAIRS.replace("REWARD", f'"{reward}"')))
     seen = set()
     for seed in range(60):
         env.reset(seed=seed)
@@ -135,17 +130,15 @@ def test_labels_of_one_name_in_two_choices_are_not_compared_by_position() -> Non
     text = TURTLE.replace("action:", "  side: {type: choice, values: [left, right]}\naction:", 1)
     text = text.replace("initial: {", "initial: {side: left, ")
     with pytest.raises(SpecError) as found:
-        build(read_text(text.replace("level' * tide", "a == side")))
+        build_text(text.replace("level' * tide", "a == side"))
     assert "labels of one choice" in found.value.diagnostics[0].message
-    chosen = build(read_text(text.replace("level' * tide", "a == (left if side == left else right)")))
+    chosen = build_text(text.replace("level' * tide", "a == (left if side == left else right)"))
     env = ReferenceEnv(chosen)
     env.reset(seed=0)
     assert [env.step(a)[1] for a in (0, 1, 2)] == [1, 0, 0]
 
 
 VECTOR = """
-taskspec: 1
-name: Arms
 state:
   pay: {type: choice, values: {low: 0.25, high: 0.5}, shape: [2]}
   door: {type: choice, values: [high, none, low], shape: [2]}
@@ -167,7 +160,7 @@ reward: pay[a]
     ],
 )  # fmt: skip
 def test_elements_of_a_vector_of_labels_are_labels_of_its_choice(value: str) -> None:
-    env: Any = taskspec.make(build(read_text(VECTOR.replace("VALUE", value))))
+    env: Any = taskspec.make(build_text(VECTOR.replace("VALUE", value)))
     env.reset(seed=0)
     assert [env.state[name].tolist() for name in ("pay", "door")] == [[0, 1], [2, 0]]
     assert env.step(0)[1] == 0.25
@@ -178,5 +171,5 @@ def test_elements_of_a_vector_of_labels_are_labels_of_its_choice(value: str) -> 
 @pytest.mark.parametrize("value", ["[red, blue]", '"[key, key]"', '"[blue for i in range(2)]"'])
 def test_vectors_of_labels_of_another_choice_are_refused(value: str) -> None:
     with pytest.raises(SpecError) as found:
-        build(read_text(VECTOR.replace("pay: VALUE, door: VALUE", f"pay: [low, low], door: {value}")))
+        build_text(VECTOR.replace("pay: VALUE, door: VALUE", f"pay: [low, low], door: {value}"))
     assert set(found.value.codes) == {"E306" if "key" in value else "E313"}

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Matrices
 constants:
   k: [[5, 7, 1], [2, 0, 3]]
 state:
@@ -78,7 +75,7 @@ def replaced(m: Any, row: int, column: int, value: Any) -> Any:
 
 def matrices() -> Task:
     lines = [f"  o{n}: '{text}'" for n, text in enumerate(OBSERVED)]
-    return build(read_text(SPEC.replace("OBSERVED", "\n".join(lines))))
+    return build_text(SPEC.replace("OBSERVED", "\n".join(lines)))
 
 
 def split(task: Task, seen: Any) -> list[Any]:

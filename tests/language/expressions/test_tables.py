@@ -3,12 +3,9 @@
 import pytest
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
 TWO = """
-taskspec: 1
-name: Two
 parameters: {p: {type: real, default: 0.25, low: 0, high: 1}}
 state:
   s: {type: choice, values: [low, high]}
@@ -47,11 +44,11 @@ def spec(**cells: str) -> str:
 )
 def test_a_draw_or_rows(place: str, cell: str, draw: str, rows: str) -> None:
     with pytest.raises(SpecError) as caught:
-        build(read_text(spec(**{place: cell})))
+        build_text(spec(**{place: cell}))
     (found,) = caught.value.diagnostics
     assert found.code == "E319"
     assert found.hint == f"the draw is written `reset: {draw}`, the rows `reset: {rows}`"
-    build(read_text(spec(**{place: draw})))
+    build_text(spec(**{place: draw}))
 
 
 @pytest.mark.parametrize(
@@ -64,4 +61,4 @@ def test_a_draw_or_rows(place: str, cell: str, draw: str, rows: str) -> None:
     ],
 )
 def test_rows_that_can_be_nothing_else(place: str, cell: str) -> None:
-    build(read_text(spec(**{place: cell})))
+    build_text(spec(**{place: cell}))

@@ -10,15 +10,15 @@ import pytest
 
 import taskspec
 from taskspec.exact import extract
-from taskspec.language import draws, source
+from taskspec.language import draws
 from taskspec.language.expressions.dists import DISTS, Argument, Dist
 from taskspec.language.expressions.types import REAL, Kind
 from taskspec.language.expressions.variates import VARIATES
 from taskspec.language.expressions.variates.entry import Enumeration, Variate, each, power, product, rows
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from taskspec.programs.backend_table import BACKENDS
 from tests.shared.conformance import Agreement
+from tests.shared.sections import build_text
 
 LOGISTIC = Variate(
     name="logistic", kind=Kind.REAL, bounds=lambda draw, args: (-23, 23), cut=True, mean=lambda b, draw: b.scalar(0.0),
@@ -61,8 +61,6 @@ WRITTEN = {
     ),
 }  # fmt: skip
 SPEC = """
-taskspec: 1
-name: Drawn
 state:
   k: {type: int, low: 0, high: 5}
 action:
@@ -77,7 +75,7 @@ reward: k + 2 * Logistic() + 3
 @pytest.fixture
 def task() -> Iterator[Task]:
     with patch.dict(VARIATES, logistic=LOGISTIC, minimum=MINIMUM), patch.dict(DISTS, WRITTEN):
-        yield build(source.read_text(SPEC))
+        yield build_text(SPEC)
 
 
 @pytest.mark.parametrize("backend", list(BACKENDS))

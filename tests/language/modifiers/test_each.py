@@ -13,19 +13,16 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, extract
 from taskspec.language.modifiers import MODIFIERS, sentences
-from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.for_each import for_each
 from tests.shared.invariants import broken
+from tests.shared.sections import build_text
 from tests.shared.solved import returns
 from tests.shared.sparse import sparse
 
 WALK = """
-taskspec: 1
-name: Walk
 state: {s: {type: int, low: -9, high: 9}}
 action: {a: {type: choice, values: {left: -1, stay: 0, right: 1}}}
 horizon: 6
@@ -40,7 +37,7 @@ claims: [optimal == 1]
 
 
 def walk(*modifiers: Any) -> Task:
-    return taskspec.modify(build(read_text(WALK)), *modifiers)
+    return taskspec.modify(build_text(WALK), *modifiers)
 
 
 def episode(task: Task, actions: list[int], seed: int = 0) -> tuple[list[Any], list[float], int]:
@@ -147,8 +144,6 @@ def test_what_is_said_of_the_task_as_written_goes() -> None:
 
 
 MIXED = """
-taskspec: 1
-name: Mixed
 state:
   v: {type: int, shape: 2, low: [0, -1], high: [2, 3]}
   r: {type: real}
@@ -173,7 +168,7 @@ symmetries:
 
 @for_each("modifier", [*MODIFIERS, "horizon=9"])
 def test_vectors_conditions_choices_and_ints_without_ends(modifier: Any) -> None:
-    task = build(read_text(MIXED))
+    task = build_text(MIXED)
     if modifier in MODIFIERS:
         modifier = {modifier: MODIFIERS[modifier].sample(task)}
     task = taskspec.modify(task, modifier)
@@ -231,7 +226,7 @@ def test_wrong_ones_are_refused_with_a_code(written: Any, code: str, part: str, 
 
 
 def test_a_horizon_that_others_stand_on_is_not_changed() -> None:
-    endless = build(read_text(WALK.replace("horizon: 6", "horizon: none")))
+    endless = build_text(WALK.replace("horizon: 6", "horizon: none"))
     for task in (walk(), endless):
         for earlier in ("delay=2", "reward_at_end", "potential=s"):
             with pytest.raises(SpecError, match=f"'{earlier}' depends on when episodes end"):
@@ -247,7 +242,7 @@ def test_a_horizon_that_others_stand_on_is_not_changed() -> None:
     ("low", "high"), [(9.5e307, 1.7e308), (5e-324, 1e-323), (1.0, 1.0000000000000002), (-1.7e308, 1.7e308)]
 )
 def test_rewards_that_are_paid_later_are_told_apart_to_the_last_digit(low: float, high: float) -> None:
-    task = build(read_text(WALK.replace("reward: s'", f"reward: {high!r} if a == right else {low!r}")))
+    task = build_text(WALK.replace("reward: s'", f"reward: {high!r} if a == right else {low!r}"))
     later = taskspec.modify(task, "delay=1")
     assert later.is_finite
     assert episode(later, [LEFT, RIGHT, LEFT])[1] == [0, low, high]
@@ -256,8 +251,6 @@ def test_rewards_that_are_paid_later_are_told_apart_to_the_last_digit(low: float
 # -- names that modifiers make ------------------------------------------------------------------------------------
 
 PLAIN = """
-taskspec: 1
-name: Plain
 parameters: {PARAMETER: {type: int, default: 1, low: 1, high: 3}}
 state:
   STATE: {type: int, low: 0, high: 3}
@@ -284,7 +277,7 @@ def named(*names: str) -> Task:
     text = PLAIN
     for place, name in zip(PLACES, names, strict=False):
         text = text.replace(place, name)
-    return build(read_text(text))
+    return build_text(text)
 
 
 def names_made(task: Task) -> set[str]:

@@ -6,12 +6,12 @@ import pytest
 
 from taskspec import SpecError
 from taskspec.language.source import read_text
-from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 
 def load(text: str) -> Task:
-    return build(read_text(text, "spec.yaml"))
+    return build_text(text)
 
 
 SPEC = """
@@ -95,8 +95,6 @@ def test_reading_again_is_bounded() -> None:
 
 
 WALK = """
-taskspec: 1
-name: Walk
 state: {s: {type: int, low: 0, high: 3}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 2
@@ -131,4 +129,4 @@ def test_a_mistake_in_a_comprehension_is_where_it_is_written() -> None:
         load(WALK.replace("HERE", "[s == k for i in range(4)]"))
     (found,) = failure.value.diagnostics
     assert found.span is not None
-    assert (found.code, found.span.line, found.span.column, found.span.end_column) == ("E302", 11, 15, 16)
+    assert (found.code, found.span.line, found.span.column, found.span.end_column) == ("E302", 9, 15, 16)

@@ -8,6 +8,7 @@ from taskspec.exact import soundness
 from taskspec.language import source
 from taskspec.language.task.build import build
 from tests.shared.diagnostics import codes, with_code
+from tests.shared.sections import build_text
 
 
 def problems(document: source.Document, variant: str | None = None) -> tuple[Diagnostic, ...]:
@@ -98,5 +99,5 @@ initial: {}
 dynamics: {}
 reward: a
 """
-    env = taskspec.make(build(source.read_text(text)))
+    env = taskspec.make(build_text(text))
     assert env.reset(seed=0)[0].tolist() == [0, 3, 3, 2]

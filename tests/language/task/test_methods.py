@@ -13,6 +13,7 @@ from taskspec.language.registry import task_ids
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 
 
 @for_each("task_id", [i for i in task_ids() if i.startswith("derail/")])
@@ -70,11 +71,11 @@ info: [new_state]
 )
 def test_an_alias_is_a_name_of_its_own(alias: str, code: str) -> None:
     with pytest.raises(taskspec.SpecError, match=code):
-        build(read_text(ALIASED.replace("ALIAS", f"alias: {alias}")), None, {}, "")
+        build_text(ALIASED.replace("ALIAS", f"alias: {alias}"))
 
 
 def test_infos_are_flat_and_say_what_is_asked_for() -> None:
-    task = build(read_text(ALIASED.replace("ALIAS", "alias: length")), None, {"length": 5}, "")
+    task = build_text(ALIASED.replace("ALIAS", "alias: length"), length=5)
     assert task.values == {"L": 5}
     env = taskspec.make(task)
     env.reset(seed=0)

@@ -5,14 +5,10 @@ import math
 import pytest
 
 from taskspec.language.expressions.types import Role
-from taskspec.language.source import read_text
 from taskspec.language.task import questions
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
-TASK = build(
-    read_text("""
-taskspec: 1
-name: Walk
+TASK = build_text("""
 state:
   s: {type: int, low: 0, high: 9}
   angle: {type: int, low: 0, high: 4}
@@ -35,7 +31,6 @@ observation:
   late: "t > 2"
 reward: s' == goal
 """)
-)
 NEXT = dict(zip((c.name for c in TASK.state), TASK.process.next, strict=True))
 SEEN = dict(zip((c.name for c in TASK.observation.components), TASK.observation.nodes, strict=True))
 

@@ -3,12 +3,9 @@
 import pytest
 
 import taskspec
-from taskspec.language import source
-from taskspec.language.task.build import build
+from tests.shared.sections import build_text
 
-TEXT = """\
-taskspec: 1
-name: Late
+TEXT = """
 state: {x: {type: int}, y: {type: int}}
 action: {a: {type: bool}}
 horizon: HORIZON
@@ -22,7 +19,7 @@ observation: {y: y}
 
 @pytest.mark.parametrize("horizon", ["none", "1500"])
 def test_what_depends_on_something_that_still_moves_may_move_later(horizon: str) -> None:
-    env = taskspec.make(build(source.read_text(TEXT.replace("HORIZON", horizon))))
+    env = taskspec.make(build_text(TEXT.replace("HORIZON", horizon)))
     env.reset(seed=0)
     highest = 0
     for _ in range(1200):
@@ -33,5 +30,5 @@ def test_what_depends_on_something_that_still_moves_may_move_later(horizon: str)
 
 
 def test_what_settles_within_the_horizon_is_bounded() -> None:
-    env = taskspec.make(build(source.read_text(TEXT.replace("HORIZON", "7"))))
+    env = taskspec.make(build_text(TEXT.replace("HORIZON", "7")))
     assert env.observation_space.n == 1  # type: ignore[attr-defined]

@@ -9,11 +9,12 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.language import registry, source
-from taskspec.language.task.build import attempts, build
+from taskspec.language.task.build import attempts
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.schema.models import Spec
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[3]
@@ -98,7 +99,7 @@ def test_variants_may_leave_out_and_remove() -> None:
 def of_task(text: str) -> list[tuple[str, str, str, str]]:
     """Code, place, message and hint of what building a task says."""
     with pytest.raises(SpecError) as caught:
-        build(source.read_text(text))
+        build_text(text)
     return listed(caught.value.diagnostics)
 
 
@@ -137,7 +138,7 @@ def test_a_variant_may_change_the_type_of_a_component() -> None:
     for entry in ("{type: bool}", "{type: choice, values: [off, on]}", "{type: real}"):
         first = "off" if "choice" in entry else "false" if "bool" in entry else "0"
         text = f"{WALK}    state: {{s: {entry}}}\n    initial: {{s: {first}}}\n    dynamics: {{s': s}}\n    reward: 0\n"
-        assert (build(source.read_text(text), "v").state[0].high == (1,)) == ("real" not in entry)
+        assert (build_text(text, "v").state[0].high == (1,)) == ("real" not in entry)
 
 
 def test_an_incomplete_variant_is_listed_and_says_what_it_lacks(tmp_path: Path) -> None:
@@ -194,9 +195,7 @@ def test_the_json_schema_knows_every_section() -> None:
     assert set(schema["$defs"]["Extension"]["properties"]) == variant | sections
 
 
-TINY = """\
-taskspec: 1
-name: Tiny
+TINY = """
 state: {s: {type: int, low: 0, high: 2}}
 action: {a: {type: bool}}
 horizon: 3
