@@ -111,31 +111,25 @@ MISTAKES = {
 }
 
 
+INSIDE = """
+def test_inside(exam):
+    def stays(case):
+        raise ValueError("it crashes")
+
+    exam(stays, tasks=["EarlyTermPos"], seeds=1, steps=10, twins=0).passes()
+"""
+
+
 def test_mistakes_in_a_test_are_messages(pytester: pytest.Pytester) -> None:
     tests = [f"def test_{i}(exam):\n    {call}.passes()\n" for i, call in enumerate(MISTAKES)]
-    result = ran(pytester, "\n".join(tests))
-    result.assert_outcomes(failed=len(MISTAKES))
-    printed = result.stdout.str()
+    result = ran(pytester, "\n".join([*tests, INSIDE]))
+    result.assert_outcomes(failed=len(MISTAKES) + 1)
+    printed = " ".join(result.stdout.str().split())
     for message in MISTAKES.values():
         assert message in printed
     assert "pytest_plugin.py" not in printed
-
-
-def test_a_function_inside_of_a_test_is_run_again_by_pytest(pytester: pytest.Pytester) -> None:
-    result = ran(
-        pytester,
-        """
-        def test_it(exam):
-            def stays(case):
-                raise ValueError("it crashes")
-
-            exam(stays, tasks=["EarlyTermPos"], seeds=1, steps=10, twins=0).passes()
-        """.replace("\n        ", "\n"),
-    )
-    result.assert_outcomes(failed=1)
-    printed = " ".join(result.stdout.str().split())
     assert "ValueError: it crashes" in printed and ", in stays" in printed and "test_mine.py:" in printed
-    result.stdout.fnmatch_lines(["To reproduce: pytest test_mine.py::test_it"])
+    result.stdout.fnmatch_lines(["To reproduce: pytest test_mine.py::test_inside"])  # no file names the function
 
 
 def test_the_plugin_is_an_entry_point_and_imports_nothing_where_it_is_not_used(pytester: pytest.Pytester) -> None:

@@ -98,14 +98,20 @@ def _q_learning(case: Case, counts_ends: bool) -> np.ndarray:
     return q
 
 
+def _greedy(q: np.ndarray) -> np.ndarray:
+    """Probabilities of actions, so that an exam has scores alone to judge by: values would name the mistake, too."""
+    best = q == q.max(axis=1, keepdims=True)
+    return best / best.sum(axis=1, keepdims=True)
+
+
 @learns_from("reward")
 def right(case: Case) -> np.ndarray:
-    return _q_learning(case, counts_ends=False)
+    return _greedy(_q_learning(case, counts_ends=False))
 
 
 @learns_from("reward")
 def past_the_end(case: Case) -> np.ndarray:
-    return _q_learning(case, counts_ends=True)
+    return _greedy(_q_learning(case, counts_ends=True))
 
 
 def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
@@ -122,13 +128,12 @@ def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
 @learns_from("reward")
 def exploring(case: Case) -> np.ndarray:
     q = _q_learning(case, counts_ends=False)
-    best = q == q.max(axis=1, keepdims=True)
-    return 0.5 * best / best.sum(axis=1, keepdims=True) + 0.5 / q.shape[1]
+    return 0.5 * _greedy(q) + 0.5 / q.shape[1]
 
 
 @learns_from("reward")
 def opposite(case: Case) -> np.ndarray:
-    return -_q_learning(case, counts_ends=False)
+    return _greedy(-_q_learning(case, counts_ends=False))
 
 
 @pytest.mark.parametrize(("learner", "name"), [(exploring, "still_explores"), (opposite, "reversed")])

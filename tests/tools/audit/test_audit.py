@@ -24,7 +24,7 @@ PLACE = Path(__file__).with_name("environments.py")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
-def audit(name: str, seconds: float = 20.0, **kwargs: object) -> Audit:
+def audit(name: str, seconds: float = 5.0, **kwargs: object) -> Audit:
     return examined(Subject(name, kwargs), seconds)
 
 
@@ -34,7 +34,7 @@ def names(found: Audit, kind: str | None = None) -> set[str]:
 
 def entry_of(subject: Subject, check: str) -> Any:
     """What is told of one check."""
-    return next(entry for entry in examined(subject, 20.0).entries if entry.check.name == check)
+    return next(entry for entry in examined(subject, 5.0).entries if entry.check.name == check)
 
 
 @pytest.mark.parametrize("planted", sparse(PLANTED, 7), ids=lambda each: each.__name__)
@@ -162,7 +162,7 @@ def test_wrong_use_is_explained(arguments: tuple[str, ...], status: int, words: 
 
 def test_a_step_that_hangs_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subjects, "PATIENCE", 0.2)
-    found = audit(f"{PLACE}:Hangs", 5.0)
+    found = audit(f"{PLACE}:Hangs", 1.0)
     (fault,) = found.faults
     assert "takes longer than 0.2 s" in fault.finding.words
 

@@ -78,7 +78,7 @@ from taskspec.exam import examine, learns_from
 from taskspec.exact import Results, check
 
 train = learns_from("reward")(lambda case: np.zeros((case.observation_space.n, case.action_space.n)))
-exam = examine(train, tasks=["RiskyPath"], seeds=1, steps=9)
+exam = examine(train, tasks=["RiskyPath"], seeds=1, steps=9, twins=0, peeks=False)
 shown = taskspec.load("RiskyPath"), Results("RiskyPath"), check("RiskyPath"), exam
 assert all(each._repr_html_().startswith(("<table", "<svg")) for each in shown)
 widget = taskspec.notebook.explore("RiskyPath")

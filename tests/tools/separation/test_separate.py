@@ -60,7 +60,7 @@ tasks:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "q.py").write_text(LEARNERS)
-    (tmp_path / "few.yaml").write_text(FAMILY.replace("SEEDS", "10"))
+    (tmp_path / "few.yaml").write_text(FAMILY.replace("SEEDS", "4"))
     return tmp_path
 
 
@@ -118,7 +118,7 @@ def test_shrinking_keeps_what_holds_and_ends_where_nothing_smaller_does() -> Non
     assert sorted(map(abs, rewards)) == [0, 1]
 
 
-COMMAND = ("separate", "q.py:past_the_end", "q.py:right", "--in", "few.yaml", "--steps", "1500", "-j", "2")
+COMMAND = ("separate", "q.py:past_the_end", "q.py:right", "--in", "few.yaml", "--steps", "1000", "-j", "2")
 
 
 def test_a_bootstrap_past_the_end_is_separated_by_a_task_of_two_states_at_most(folder: Path) -> None:
@@ -140,8 +140,8 @@ def test_the_same_seed_finds_the_same_task(folder: Path) -> None:
 
 
 def test_no_difference_is_found_between_right_learners(folder: Path) -> None:
-    done = Done("separate", "q.py:right", "q.py:also_right", "--in", "few.yaml", "--steps", "1500", "-j", "2")
-    assert done.out == "No difference found in 20 tasks of few.yaml.\n"
+    done = Done("separate", "q.py:right", "q.py:also_right", "--in", "few.yaml", "--steps", "1000", "-j", "2")
+    assert done.out == "No difference found in 8 tasks of few.yaml.\n"
 
 
 @pytest.mark.slow
@@ -151,7 +151,7 @@ def test_an_interrupt_keeps_the_best_so_far(folder: Path) -> None:
             raise KeyboardInterrupt
 
     search = Search(
-        experiments.read("few.yaml"), learner_of("q.py:past_the_end"), learner_of("q.py:right"), steps=1500, workers=2,
+        experiments.read("few.yaml"), learner_of("q.py:past_the_end"), learner_of("q.py:right"), steps=1000, workers=2,
         progress=interrupted,
     )  # fmt: skip
     found = search.run()
