@@ -72,9 +72,9 @@ def steps_of(task: Task, most: int) -> int:
 def test_scalar_and_numpy_at_its_defaults(task_id: str) -> None:
     task = taskspec.load(task_id)
     walk_together(taskspec.make(task_id), 3, steps_of(task, 30))
-    walk_together(gymnasium.make(task_id), 2**63 + 5, steps_of(task, 30))
+    walk_together(gymnasium.make(task_id), 2**63 + 5, steps_of(task, 8))
     if VECTORS:
-        Agreement(task_id, "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(steps_of(task, 20))
+        Agreement(task_id, "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(steps_of(task, 12))
 
 
 @pytest.mark.parametrize("task_id", sparse(IDS, 4))

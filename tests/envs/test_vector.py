@@ -60,7 +60,7 @@ QUICK = [
     "derail/RiskyPath-v0",
     "derail/NoisyObs-v0",
     "derail/Sort-v0",
-    "derail/LargestSum-v0",
+    "derail/LargestSum-v0?L=9",  # 18 numbers are more than what is written out
 ]
 
 

@@ -199,16 +199,16 @@ def test_the_time_as_an_index(backend: str, mode: str) -> None:
     pytest.importorskip(backend)
     text = """
 constants:
-  table: "[i % 7 for i in range(40)]"
-state: {v: {type: int, shape: [40, 2], low: 0, high: 99}}
+  table: "[i % 7 for i in range(9)]"
+state: {v: {type: int, shape: [9, 2], low: 0, high: 99}}
 action: {a: {type: int, low: 0, high: 1}}
-horizon: 40
+horizon: 9
 initial:
-  v: "[(i, 2 * i) for i in range(40)]"
+  v: "[(i, 2 * i) for i in range(9)]"
 dynamics: {v': v}
 reward: table[t] + sum(v[t]) + a
 """
-    Agreement(build_text(text), backend, 3, mode).run(90)
+    Agreement(build_text(text), backend, 3, mode).run(30)
 
 
 # -- reals ------------------------------------------------------------------------------------------------------------
