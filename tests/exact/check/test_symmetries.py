@@ -21,12 +21,15 @@ from tests.shared.invariants import broken
 from tests.shared.sparse import sparse
 
 Array = np.ndarray[Any, Any]
-SMALL: dict[str, dict[str, Any]] = {"NoisyObs": {"L": 3, "M": 3}, "Sort": {"L": 3}, "ProcGoal": {"B": 2, "D": 2}}
+SMALL: dict[str, dict[str, Any]] = {
+    "LargestSum": {"L": 4}, "NoisyObs": {"L": 3, "M": 3}, "NoisyObsSeals": {"L": 3, "M": 3}, "Sort": {"L": 3},
+    "SortSeals": {"L": 3}, "ProcGoal": {"B": 2, "D": 2}, "ProcGoalSeals": {"B": 2, "D": 2},
+}  # fmt: skip
 
 
 @cache
 def task_of(task_id: str) -> Task:
-    name = task_id.partition("/")[2].partition("-")[0].removesuffix("Seals")
+    name = task_id.partition("/")[2].partition("-")[0]
     return taskspec.load(task_id, **SMALL.get(name, {}))
 
 

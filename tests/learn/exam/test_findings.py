@@ -231,7 +231,7 @@ def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path, is_compre
         "cut off": gzip.compress(b"{")[:-9],
         "only its first bytes": b"\x1f\x8b\x08",
         "deep": gzip.compress(b"[" * 100_000),
-        "too large": gzip.compress(b" " * (LIMIT + 1)),
+        "too large": gzip.compress(b" " * (LIMIT + 1), 1),
     }.items(),
     ids=lambda item: item[0].replace(" ", "-"),
 )
