@@ -67,7 +67,10 @@ class Meaning:
             case s.Weights(pairs=pairs):
                 return al.mixed("weights", *((self.of(a), self.of(b)) for a, b in pairs))
             case s.Subscript(value=value, indices=indices):
-                return al.index(self.of(value), [self.index(i) for i in indices])
+                places = []
+                for axis, index in enumerate(indices):
+                    places.append(self.from_start(value, axis, index))
+                return al.index(self.of(value), places)
             case s.Vector(items=items):
                 return self.of(items[0]) if len(items) == 1 else al.mixed("vector", *map(self.of, items))
             case s.Call():
@@ -89,6 +92,18 @@ class Meaning:
         row = next((r for r in rows if r.key is not None and self.of(r.key) == key), None)
         row = row or next(r for r in rows if r.key is None)
         return self.table(by[1:], row.body) if isinstance(row.body, tuple) else self.of(row.body)
+
+    def from_start(self, vector: s.Expr, axis: int, index: s.Expr | s.Slice) -> Any:
+        """An index, counted from the start: `x[-1]` is element `len(x) - 1`."""
+        match index:
+            case s.Unary(op="-", operand=s.Number(value=back)) if back > 0:
+                if axis == 0 and isinstance(vector, s.Name) and vector.id in self.lengths:
+                    return al.subtract(self.of(self.lengths[vector.id]), back)
+                row = self.of(vector)
+                for _ in range(axis):
+                    row = al.index(row, [0])
+                return al.subtract(al.mixed("bars", row), back)
+        return self.index(index)
 
     def index(self, expr: s.Expr | s.Slice) -> Any:
         if not isinstance(expr, s.Slice):
