@@ -32,7 +32,7 @@ CASES: dict[str, tuple[str, dict[str, str]]] = {
     "another component": ("E219", {"variants": "{x: {state: {q: {high: 9}}}}"}),
     "a section without a value": ("E107", {"variants": "{x: {state: }}"}),
     "a chain of 400": ("E314", {"variants": f"{{{CHAIN}}}"}),
-    "a chain of 199": ("", {"variants": f"{{{CHAIN[: CHAIN.index(', x199')]}}}"}),
+    "a chain of 99": ("", {"variants": f"{{{CHAIN[: CHAIN.index(', x99')]}}}"}),
     "a large state": ("E314", {"state": "{s: {type: real, low: 0, high: 9, shape: 1000000}}", "reward": "s[0]"}),
     "a long sum": ("E314", {"reward": "'sum([(s + i) % 3 for i in range(1000000)])'"}),
     "a patient task": ("", {"horizon": "none", "discount": "0.999999999", "claims": "['optimal_return > 0']"}),

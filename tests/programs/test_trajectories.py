@@ -22,9 +22,10 @@ from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
-EVERY: list[tuple[str, str | None]] = [(task_id, None) for task_id in paper_ids()]
+VARIED: list[tuple[str, str | None]] = []
 for path in varied_files():
-    EVERY += product([str(path)], complete(read_file(path)))
+    VARIED += product([str(path)], complete(read_file(path)))
+EVERY = [*product(paper_ids(), [None]), *VARIED]
 SMALL = {"B": 12, "L": 8, "S": 6, "K": 4, "N": 8, "D": 6}  # keeps random parameters quick to enumerate and draw
 
 
@@ -83,7 +84,7 @@ def walk_together(env: Any, seed: int, steps: int) -> None:
             assert same(env.reset(), reference.reset())
 
 
-@for_each("case", EVERY)
+@for_each("case", VARIED)  # shipped ones in tests/envs/test_shipped.py
 def test_defaults(case: tuple[str, str | None]) -> None:
     walk_together(taskspec.make(load(case)), 2**63 + 12_345, 30)
 
