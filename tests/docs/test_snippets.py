@@ -35,14 +35,12 @@ from gymnasium.envs.registration import registry as gym_registry
 
 from docs.tools import pages, pictures
 from taskspec.language import registry
-from taskspec.learn.exam import findings, results
 from taskspec.learn.learners import learner
 from taskspec.tools.authoring.checks import check_file, check_other, examine
 from taskspec.tools.targets import files_of
 from tests.conftest import needs_vectors
 from tests.shared.apart import Ended, taskspec
 from tests.shared.diagnostics import codes
-from tests.shared.for_each import for_each
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -147,12 +145,6 @@ def test_pictures_show_what_commands_print(update_golden: bool, monkeypatch: pyt
         drawn = (pictures.PICTURES / f"{name}.svg").read_text(encoding="utf-8")
         assert digest in drawn, "python -m docs.tools.pictures"
     assert (pictures.PICTURES / "card-light.svg").read_text(encoding="utf-8") == pictures.card()
-
-
-@for_each("path", sorted(DOCS.glob("results/**/exam.json.gz")))
-def test_results_have_the_diagnoses_of_the_present_rules(path: Path) -> None:
-    exam = results.read(path.parent)
-    assert list(map(dict, exam["diagnoses"])) == list(map(dict, findings.diagnose(exam, "derail")))
 
 
 def test_the_documentation_is_short() -> None:

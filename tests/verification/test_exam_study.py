@@ -9,9 +9,12 @@ import pytest
 import taskspec
 from taskspec.exact.policies.python_files import function_of
 from taskspec.exam import examine, read
+from taskspec.learn.exam.findings import diagnose
 from taskspec.learn.exam.learned import explanations
 from tests.shared.commands import Done
+from tests.shared.for_each import for_each
 from tests.shared.sparse import sparse
+from tests.shared.specs import ROOT
 from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
 from tests.verification.exam_study.exams import PROBES, TERMS, TRANSITIONS
 
@@ -35,6 +38,12 @@ def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
         task: taskspec.load(task).content_hash for task in stored["tasks"]
     }
     assert not any(score["error"] for score in stored["scores"])
+
+
+@for_each("path", sorted(ROOT.glob("docs/results/**/exam.json.gz")))
+def test_stored_exams_have_the_diagnoses_of_the_present_rules(path: Path) -> None:
+    exam = read(path.parent)
+    assert list(map(dict, exam["diagnoses"])) == list(map(dict, diagnose(exam, "derail")))
 
 
 NAMED = (
