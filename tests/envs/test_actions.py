@@ -14,9 +14,6 @@ from tests.conftest import needs_vectors
 from tests.shared.sections import build_text
 
 PUSH = """
-taskspec: 1
-name: Push
-summary: Push a cart.
 state:
   x: {type: real}
 action:

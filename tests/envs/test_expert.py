@@ -1,7 +1,6 @@
 """Experts as policies of other libraries, experts of other kinds than the spec's, and the model that scores rest on."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import taskspec
 from taskspec import exact
 from taskspec.exact import Expert, extract, score, scores
 from taskspec.exact.policies.policy import named
+from tests.shared.sections import build_text
 
 TASK = taskspec.load("RiskyPath")
 
@@ -107,8 +107,6 @@ def test_an_expert_is_a_policy_of_stable_baselines3_where_one_is_asked_for() -> 
 
 
 FAR = """
-taskspec: 1
-name: Far
 state:
   s: {type: int, low: 0, high: 9, shape: [9]}
 action:
@@ -123,15 +121,14 @@ expert: optimal
 """
 
 
-def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_comes_to(tmp_path: Path) -> None:
+def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_comes_to() -> None:
     """It took the plan of the next state that is in the model, and failed after the last one."""
-    (tmp_path / "far.yaml").write_text(FAR)
-    far = taskspec.load(tmp_path / "far.yaml")
+    far = build_text(FAR)
     expert = Expert(far)
     policy = named(far, "optimal")
     assert expert.predict(np.full(9, 6), deterministic=True)[0] == 1
     for state in (7, 9, 77):
-        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Far comes there"):
+        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Test comes there"):
             expert.predict(np.full(9, state))
         with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, "):
             policy.by_words({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))

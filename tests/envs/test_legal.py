@@ -1,6 +1,5 @@
 """Masks of legal actions in the infos of every kind of environment, against the condition worked out by hand."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,9 @@ from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from tests.conftest import needs_vectors
 from tests.shared.conformance import check_infos
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Lift
 parameters: {top: {type: int, default: 4, low: 1, high: 9}}
 state: {level: {type: int, low: 0, high: top}, door: {type: bool}}
 ACTION
@@ -51,11 +49,9 @@ def form(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def task(form: str, tmp_path: Path) -> Task:
+def task(form: str) -> Task:
     action, move = FORMS[form]
-    path = tmp_path / "lift.yaml"
-    path.write_text(SPEC.replace("ACTION", action).replace("MOVE", move))
-    return taskspec.load(path)
+    return build_text(SPEC.replace("ACTION", action).replace("MOVE", move))
 
 
 def test_every_state_of_an_episode_has_its_mask(task: Task, form: str) -> None:
@@ -135,20 +131,16 @@ def test_nothing_else_changes(task: Task) -> None:
 
 
 @pytest.mark.parametrize("action", ["{a: {type: real, low: 0, high: 1}}", "{a: {type: bool}, b: {type: bool}}"])
-def test_other_actions_are_refused(action: str, tmp_path: Path) -> None:
-    path = tmp_path / "lift.yaml"
-    path.write_text(SPEC.replace("ACTION", f"action: {action}\nlegal: level > 0").replace("MOVE", "1"))
+def test_other_actions_are_refused(action: str) -> None:
     with pytest.raises(SpecError) as error:
-        taskspec.load(path)
+        build_text(SPEC.replace("ACTION", f"action: {action}\nlegal: level > 0").replace("MOVE", "1"))
     (diagnostic,) = error.value.diagnostics
-    assert (diagnostic.code, diagnostic.span.line) == ("E214", 7)
+    assert (diagnostic.code, diagnostic.span.line) == ("E214", 5)
 
 
 @pytest.mark.parametrize("name", ["level'", "t", "Bernoulli(1/2)"])
-def test_the_condition_is_a_function_of_state_and_action(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "lift.yaml"
-    path.write_text(SPEC.replace("ACTION", f"action: {{a: {{type: bool}}}}\nlegal: a == {name}").replace("MOVE", "a"))
+def test_the_condition_is_a_function_of_state_and_action(name: str) -> None:
     with pytest.raises(SpecError) as error:
-        taskspec.load(path)
+        build_text(SPEC.replace("ACTION", f"action: {{a: {{type: bool}}}}\nlegal: a == {name}").replace("MOVE", "a"))
     for diagnostic in error.value.diagnostics:
-        assert diagnostic.span.line == 7
+        assert diagnostic.span.line == 5

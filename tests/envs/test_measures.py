@@ -1,17 +1,14 @@
 """Measures in the infos of steps: the same in every kind of environment, and away from rewards and ends."""
 
-from pathlib import Path
-
 import pytest
 
 import taskspec
 from taskspec.language.task.task import Task
 from tests.conftest import needs_vectors
 from tests.shared.conformance import check_infos
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Walk
 state: {s: {type: int, low: 0, high: 3}}
 action: {a: {type: choice, values: {left: -1, right: 1}}}
 noise: {slip: Bernoulli(1/4)}
@@ -20,9 +17,8 @@ initial: {s: 1}
 dynamics: {s': "clip(s + (a if slip else 1), 0, 3)"}
 reward: s' == 3
 terminal: s' == 0
-MEASURES
 """
-MEASURES = """
+MEASURES = """\
 measures:
   cost: slip * s + Bernoulli(1/2)
   moved: {value: "s' != s and not terminal", doc: whether it moved}
@@ -30,10 +26,8 @@ measures:
 
 
 @pytest.fixture
-def task(tmp_path: Path) -> Task:
-    path = tmp_path / "walk.yaml"
-    path.write_text(SPEC.replace("MEASURES", MEASURES))
-    return taskspec.load(path)
+def task() -> Task:
+    return build_text(SPEC + MEASURES)
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -60,11 +54,9 @@ def test_functions_in_jax_have_them_too(task: Task) -> None:
             break
 
 
-def test_measures_change_nothing_else(task: Task, tmp_path: Path) -> None:
-    path = tmp_path / "plain.yaml"
-    path.write_text(SPEC.replace("MEASURES", ""))
+def test_measures_change_nothing_else(task: Task) -> None:
     measured = taskspec.make(task)
-    plain = taskspec.make(path)
+    plain = taskspec.make(build_text(SPEC))
     for seed in range(20):
         assert measured.reset(seed=seed)[0] == plain.reset(seed=seed)[0]
         ended = False
@@ -76,9 +68,7 @@ def test_measures_change_nothing_else(task: Task, tmp_path: Path) -> None:
             ended = found[2] or found[3]
 
 
-def test_a_measure_that_is_not_finite_is_shown_in_its_line(tmp_path: Path) -> None:
-    path = tmp_path / "broken.yaml"
-    path.write_text(SPEC.replace("MEASURES", "measures: {cost: 1 / (s - 1)}"))
-    (diagnostic,) = taskspec.exact.soundness(path)
-    assert (diagnostic.code, diagnostic.span.line) == ("E406", 12)
+def test_a_measure_that_is_not_finite_is_shown_in_its_line() -> None:
+    (diagnostic,) = taskspec.exact.soundness(build_text(f"{SPEC}measures: {{cost: 1 / (s - 1)}}"))
+    assert (diagnostic.code, diagnostic.span.line) == ("E406", 10)
     assert "the measure 'cost' is inf" in diagnostic.message

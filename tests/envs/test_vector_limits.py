@@ -11,10 +11,6 @@ from tests.shared.sections import build_text
 from tests.shared.specs import spec_file
 
 SPEC = """
-taskspec: 1
-name: Edges
-title: Edges
-summary: Numbers go round.
 state:
   s: {type: int, low: 0, high: HIGH}
   u: {type: int, low: 0, high: 1}
@@ -67,10 +63,6 @@ def test_ints_are_exact(backend: str, high: int) -> None:
 
 
 COUNT = """
-taskspec: 1
-name: Count
-title: Count
-summary: A number that grows.
 state: {s: {type: int}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: none
@@ -96,10 +88,6 @@ def test_a_count_without_end_is_refused_by_jax_only_near_the_end_of_its_ints() -
 
 
 MIXED = """
-taskspec: 1
-name: Mixed
-title: Mixed
-summary: Whole and real actions together.
 state:
   k: {type: int, low: -9, high: 9}
   b: {type: bool}

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 HALF = Fraction(1, 2)
 Value = Callable[[int, int], Fraction]
@@ -41,17 +43,15 @@ class Table:
                 pays += f"      a{a}: {_written({n: self.pays[s, a, n] for n in range(self.states)})}\n"
         ends = " or ".join(f"s' == q{s}" for s in sorted(self.ends)) or "false"
         return (
-            f"taskspec: 1\nname: Random\nstate:\n  s: {{type: choice, values: [{_names('q', self.states)}]}}\n"
+            f"state:\n  s: {{type: choice, values: [{_names('q', self.states)}]}}\n"
             f"action:\n  a: {{type: choice, values: [{_names('a', self.actions)}]}}\n"
             f"horizon: {self.horizon}\ndiscount: {self.discount}\ninitial:\n  s: {_written(self.start)}\n"
             f"dynamics:\n  s':\n    by: [s, a]\n    rows:\n{leads}"
             f"reward:\n  by: [s, a, s']\n  rows:\n{pays}terminal: {ends}\n{seen}"
         )
 
-    def write(self, folder: Path, seen: str = "") -> Path:
-        path = folder / "random.yaml"
-        path.write_text(self.spec(seen), encoding="utf-8")
-        return path
+    def task(self, seen: str = "") -> Task:
+        return build_text(self.spec(seen))
 
     def is_over(self, state: int, t: int) -> bool:
         return t == self.horizon or (t > 0 and state in self.ends)

@@ -27,10 +27,10 @@ def test_the_draw_with_infinitely_many_outcomes_is_named() -> None:
 
 def test_a_reward_without_a_bound_in_a_tail_is_named_with_what_would_bound_it() -> None:
     text = (
-        "{taskspec: 1, name: Lost, state: {s: {type: int, low: 0, high: 2}}, action: {a: {type: int, low: 0, high: 2}},\n"
-        "noise: {d: Poisson(2)}, horizon: 3, initial: {s: 1}, dynamics: {s': 'min(max(s - d, 0) + a, 2)'}, reward: REWARD}"
+        "state: {s: {type: int, low: 0, high: 2}}\naction: {a: {type: int, low: 0, high: 2}}\nnoise: {d: Poisson(2)}\n"
+        "horizon: 3\ninitial: {s: 1}\ndynamics: {s': 'min(max(s - d, 0) + a, 2)'}\nreward: REWARD\n"
     )
     found = Results(build_text(text.replace("REWARD", "-d")))
     assert found.optimal is None and found.why_not is not None and "`min(draw, 100)`" in found.why_not
-    bounded = Results(build_text(text.replace("REWARD", "'-min(d, 100)'")))
+    bounded = Results(build_text(text.replace("REWARD", "-min(d, 100)")))
     assert bounded.optimal is not None and abs(bounded.optimal.value + 6) < 1e-9

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,14 +20,15 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact.scores.difficulty import MEASURES, difficulty
 from taskspec.language.task.task import Task
 from tests.shared.for_each import for_each
+from tests.shared.sections import build_text
 from tests.shared.sparse import sparse
 from tests.shared.written_out import TABLES, Table
 
 
 @pytest.fixture(params=range(len(TABLES)))
-def written_out(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Table, exact.Results]:
+def written_out(request: pytest.FixtureRequest) -> tuple[Table, exact.Results]:
     table = TABLES[request.param]
-    return table, exact.Results(load(table.write(tmp_path)))
+    return table, exact.Results(table.task())
 
 
 def test_luck_and_lengths_are_those_of_every_episode(written_out: tuple[Table, exact.Results]) -> None:
@@ -150,8 +150,6 @@ def soft_table() -> np.ndarray[Any, Any]:
 
 
 WAIT = """
-taskspec: 1
-name: Wait
 state:
   s: {type: int, low: 0, high: 3}
 action:
@@ -167,10 +165,8 @@ terminal: s' == 3
 """
 
 
-def test_without_a_horizon_lengths_are_those_of_waiting(tmp_path: Path) -> None:
-    path = tmp_path / "wait.yaml"
-    path.write_text(WAIT, encoding="utf-8")
-    found = difficulty(path)
+def test_without_a_horizon_lengths_are_those_of_waiting() -> None:
+    found = difficulty(build_text(WAIT))
     assert found["random_length"] == pytest.approx(6)  # three times a coin is thrown until heads
     assert found["solution_length"] == pytest.approx(3)
     assert found["episodes_to_reward"] == pytest.approx(1)
@@ -179,13 +175,10 @@ def test_without_a_horizon_lengths_are_those_of_waiting(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("when", "expected"), [("t == 0", 1), ("t > 0", 4)])
-def test_branching_is_that_of_the_first_step(tmp_path: Path, when: str, expected: int) -> None:
-    path = tmp_path / "wait.yaml"
-    path.write_text(
-        WAIT.replace("s' == 3\"", "s'\"").replace("terminal: s' == 3\n", "").replace("horizon: none", "horizon: 2")
-        .replace("s + (a == go)", f"s if {when} else UniformInt(0, 3)"), encoding="utf-8"
-    )  # fmt: skip
-    assert difficulty(path)["branching"] == expected
+def test_branching_is_that_of_the_first_step(when: str, expected: int) -> None:
+    text = WAIT.replace("s' == 3\"", "s'\"").replace("terminal: s' == 3\n", "").replace("horizon: none", "horizon: 2")
+    text = text.replace("s + (a == go)", f"s if {when} else UniformInt(0, 3)")
+    assert difficulty(build_text(text))["branching"] == expected
 
 
 # -- as a mapping, and what is said ----------------------------------------------------------------------------------

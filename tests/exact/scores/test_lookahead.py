@@ -3,16 +3,15 @@
 import math
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import entropy
 
-from taskspec import load
 from taskspec.exact.model.extract import extract
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.lookahead import Gorp, _Lookahead
+from tests.shared.sections import build_text
 from tests.shared.written_out import TABLES, Table, Value
 
 # -- what observations leave open ------------------------------------------------------------------------------------
@@ -25,7 +24,7 @@ observation:
 
 
 @pytest.mark.parametrize("table", TABLES[:6])
-def test_what_is_hidden_is_the_entropy_that_observations_leave(table: Table, tmp_path: Path) -> None:
+def test_what_is_hidden_is_the_entropy_that_observations_leave(table: Table) -> None:
     joint = np.zeros((table.states, 3))
     for p, steps in table.episodes():
         for state, *_ in steps:
@@ -33,14 +32,10 @@ def test_what_is_hidden_is_the_entropy_that_observations_leave(table: Table, tmp
             joint[state, 1 if state == 0 else 2] += p * clear
             joint[state, 0] += p * (1 - clear)
     hidden = entropy(joint.ravel(), base=2) - entropy(joint.sum(axis=0), base=2)
-    assert difficulty(table.write(tmp_path, BLURRED), ["hidden_bits"])["hidden_bits"] == pytest.approx(
-        hidden, abs=1e-12
-    )
+    assert difficulty(table.task(BLURRED), ["hidden_bits"])["hidden_bits"] == pytest.approx(hidden, abs=1e-12)
 
 
 CHANNEL = """
-taskspec: 1
-name: Channel
 state:
   bit: {type: bool}
 action:
@@ -63,10 +58,8 @@ reward: guess == bit
     ("bit and t > 0", 1.0),
     ("bit + Normal(0, 1)", None),
 ])  # fmt: skip
-def test_a_noisy_channel_keeps_what_it_can(seen: str, bits: float | None, tmp_path: Path) -> None:
-    path = tmp_path / "channel.yaml"
-    path.write_text(CHANNEL.replace("SEEN", seen), encoding="utf-8")
-    found = difficulty(path, ["hidden_bits"])
+def test_a_noisy_channel_keeps_what_it_can(seen: str, bits: float | None) -> None:
+    found = difficulty(build_text(CHANNEL.replace("SEEN", seen)), ["hidden_bits"])
     assert found["hidden_bits"] == (None if bits is None else pytest.approx(bits, abs=1e-12))
     assert ("infinitely many" in found.why_not.get("hidden_bits", "")) == (bits is None)
 
@@ -100,11 +93,11 @@ def is_optimal(table: Table, k: int, state: int, t: int = 0) -> bool:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_lookahead_is_the_least_that_is_optimal(table: Table, tmp_path: Path) -> None:
+def test_lookahead_is_the_least_that_is_optimal(table: Table) -> None:
     least = 1
     while not all(is_optimal(table, least, state) for state in table.start):
         least += 1
-    assert difficulty(table.write(tmp_path), ["lookahead"])["lookahead"] == least
+    assert difficulty(table.task(), ["lookahead"])["lookahead"] == least
 
 
 def deterministic(seed: int) -> Table:
@@ -146,10 +139,10 @@ def gorp(table: Table, k: int, m: int, rng: np.random.Generator) -> int:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_greedy_over_random_succeeds_as_often_as_it_does_when_played(seed: int, tmp_path: Path) -> None:
+def test_greedy_over_random_succeeds_as_often_as_it_does_when_played(seed: int) -> None:
     table = deterministic(seed)
     rng = np.random.default_rng(seed)
-    model = extract(load(str(table.write(tmp_path))))
+    model = extract(table.task())
     exact = Gorp(model, _Lookahead(model).optimal)
     best = table.best(0)
     for k, m in ((1, 1), (1, 4), (2, 2), (3, 1)):
@@ -169,7 +162,6 @@ def test_the_effective_horizon_of_a_tree_is_that_worked_out_by_hand() -> None:
     assert difficulty("derail/Branching?L=4&B=3", ["effective_horizon"])["effective_horizon"] == 3.0
 
 
-def test_the_effective_horizon_of_one_step_with_two_certain_actions_is_one(tmp_path: Path) -> None:
-    path = tmp_path / "once.yaml"
-    path.write_text(CHANNEL.replace("Bernoulli(1/2)", "true").replace("SEEN", "bit"), encoding="utf-8")
-    assert difficulty(path, ["effective_horizon"])["effective_horizon"] == 1
+def test_the_effective_horizon_of_one_step_with_two_certain_actions_is_one() -> None:
+    task = build_text(CHANNEL.replace("Bernoulli(1/2)", "true").replace("SEEN", "bit"))
+    assert difficulty(task, ["effective_horizon"])["effective_horizon"] == 1

@@ -7,7 +7,6 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import pytest
 from taskspec.base.limits import also
 from taskspec.exact.scores.difficulty import difficulty
 from taskspec.exact.scores.returns import Results
+from tests.shared.sections import build_text
 from tests.shared.written_out import TABLES, Table
 
 
@@ -29,12 +29,12 @@ def visited(table: Table) -> dict[tuple[int, int], Fraction]:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_gaps_are_those_of_all_actions_that_are_not_optimal(table: Table, tmp_path: Path) -> None:
+def test_gaps_are_those_of_all_actions_that_are_not_optimal(table: Table) -> None:
     gaps = []
     for t, state in visited(table):
         q = table.action_values(state, t, table.best)
         gaps += [max(q) - value for value in q if value < max(q)]
-    found = difficulty(table.write(tmp_path), ["smallest_gap", "inverse_gaps"])
+    found = difficulty(table.task(), ["smallest_gap", "inverse_gaps"])
     if not gaps:
         assert found.why_not["smallest_gap"] == "every action is optimal"
         return
@@ -52,13 +52,13 @@ def score(table: Table, value: Fraction) -> Any:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_the_best_constant_action_is_the_best_of_all(table: Table, tmp_path: Path) -> None:
+def test_the_best_constant_action_is_the_best_of_all(table: Table) -> None:
     places = list(product(range(table.horizon), range(table.states)))
     returns = []
     for action in range(table.actions):
         policy = dict.fromkeys(places, action)
         returns.append(table.at_start(partial(table.expected, policy)))
-    found = difficulty(table.write(tmp_path), ["best_constant"])
+    found = difficulty(table.task(), ["best_constant"])
     assert found["best_constant"] == score(table, max(returns))
 
 
@@ -76,7 +76,7 @@ def of_state(table: Table, rewards: Sequence[Fraction]) -> Table:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_the_nearest_reward_of_states_is_that_of_least_squares(table: Table, tmp_path: Path) -> None:
+def test_the_nearest_reward_of_states_is_that_of_least_squares(table: Table) -> None:
     columns = [advantages(of_state(table, one)) for one in np.eye(table.states, dtype=int).tolist()]
     nearest = np.linalg.lstsq(np.transpose(columns), np.array(advantages(table)), rcond=1e-9)[0]
     simple = of_state(table, [Fraction(reward).limit_denominator(10**6) for reward in nearest.tolist()])
@@ -88,7 +88,7 @@ def test_the_nearest_reward_of_states_is_that_of_least_squares(table: Table, tmp
         tied = best_actions(simple, state, t, Fraction(1, 10**5))
         return sum((table.action_value(state, t, a, value) for a in tied), Fraction(0)) / len(tied)
 
-    found = difficulty(table.write(tmp_path), ["best_state_reward"])
+    found = difficulty(table.task(), ["best_state_reward"])
     assert found["best_state_reward"] == score(table, table.at_start(value))
 
 
@@ -98,8 +98,6 @@ def best_actions(table: Table, state: int, t: int, tolerance: Fraction = Fractio
 
 
 BANDIT = """
-taskspec: 1
-name: Bandit
 state:
   s: {type: int, low: 0, high: LAST}
 action:
@@ -114,14 +112,13 @@ reward: a == 1
 
 
 @pytest.mark.parametrize(("after", "expected"), [("0", 0), ("a", 1)])
-def test_rewards_of_states_succeed_where_states_show_the_action(after: str, expected: float, tmp_path: Path) -> None:
-    path = tmp_path / "bandit.yaml"
-    path.write_text(BANDIT.replace("NEXT", after).replace("LAST", "0" if after == "0" else "2"), encoding="utf-8")
-    assert difficulty(path, ["best_state_reward"])["best_state_reward"] == pytest.approx(expected)
+def test_rewards_of_states_succeed_where_states_show_the_action(after: str, expected: float) -> None:
+    task = build_text(BANDIT.replace("NEXT", after).replace("LAST", "0" if after == "0" else "2"))
+    assert difficulty(task, ["best_state_reward"])["best_state_reward"] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_coverage_is_the_overlap_of_visits_of_optimal_and_random_actions(table: Table, tmp_path: Path) -> None:
+def test_coverage_is_the_overlap_of_visits_of_optimal_and_random_actions(table: Table) -> None:
     optimal = np.zeros(table.states)
     random = np.zeros(table.states)
     for (t, state), p in visited(table).items():
@@ -138,7 +135,7 @@ def test_coverage_is_the_overlap_of_visits_of_optimal_and_random_actions(table: 
                         after[n] = after.get(n, Fraction(0)) + p * share / len(tied)
         now = after
     overlap = np.minimum(optimal / optimal.sum(), random / random.sum()).sum()
-    assert difficulty(table.write(tmp_path), ["coverage"])["coverage"] == pytest.approx(overlap)
+    assert difficulty(table.task(), ["coverage"])["coverage"] == pytest.approx(overlap)
 
 
 def test_an_expert_that_starts_elsewhere_covers_nothing() -> None:

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec import exact, load
+from taskspec import exact
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact.solve.constrained import Expectations
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 TOLL = """
 taskspec: 1
@@ -45,10 +46,8 @@ SAFETY = Path(__file__).parents[3] / "tasks" / "safety"
 
 
 @pytest.fixture(params=[TOLL, DRAWN], ids=["toll", "drawn"])
-def task(request: pytest.FixtureRequest, tmp_path: Path) -> Task:
-    path = tmp_path / "task.yaml"
-    path.write_text(request.param)
-    return load(path)
+def task(request: pytest.FixtureRequest) -> Task:
+    return build_text(request.param)
 
 
 def steps(task: Task) -> tuple[Any, ...]:
@@ -177,10 +176,8 @@ def test_two_safety_tasks_trade_reward_for_what_was_meant() -> None:
         ("cost < 1", "E713", "'cost < 1' is not a limit on a measure"),
     ],
 )
-def test_limits_that_cannot_be_kept_or_read(limit: str, code: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "toll.yaml"
-    path.write_text(TOLL)
+def test_limits_that_cannot_be_kept_or_read(limit: str, code: str, message: str) -> None:
     with pytest.raises(SpecError) as error:
-        exact.constrained_optimum(path, [limit])
+        exact.constrained_optimum(build_text(TOLL), [limit])
     assert error.value.diagnostics[0].code == code
     assert message in error.value.diagnostics[0].message

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +15,9 @@ from taskspec.exact.solve.plans import MaxEnt
 from taskspec.language.modifiers import modify
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
+from tests.shared.sections import build_text
 
 SPEC = """
-taskspec: 1
-name: Ring
 state: {s: {type: int, low: 0, high: 4}}
 action: {a: {type: int, low: 0, high: 3}}
 definitions: {fits: (s + a) % 3 != 1 and (s != 4 or a == 1)}
@@ -92,17 +90,15 @@ CHOICES: dict[str, Choose] = {
 }
 
 
-def ring(tmp_path: Path, horizon: int | str, bonus: float) -> Task:
-    path = tmp_path / "ring.yaml"
-    path.write_text(SPEC.replace("HORIZON", str(horizon)).replace("BONUS", str(bonus)))
-    return taskspec.load(path)
+def ring(horizon: int | str, bonus: float) -> Task:
+    return build_text(SPEC.replace("HORIZON", str(horizon)).replace("BONUS", str(bonus)))
 
 
 @pytest.mark.parametrize("bonus", [-50, 50])
 @pytest.mark.parametrize("horizon", [1, 4, 60, "none"])
 @pytest.mark.parametrize("which", CHOICES)
-def test_returns(tmp_path: Path, horizon: int | str, bonus: float, which: str) -> None:
-    results = Results(ring(tmp_path, horizon, bonus))
+def test_returns(horizon: int | str, bonus: float, which: str) -> None:
+    results = Results(ring(horizon, bonus))
     steps = 400 if horizon == "none" else int(horizon)
     expected = value(steps, bonus, CHOICES[which])
     found = getattr(results, which)
@@ -114,9 +110,9 @@ def test_returns(tmp_path: Path, horizon: int | str, bonus: float, which: str) -
 
 
 @pytest.mark.parametrize("bonus", [-50, 50])
-def test_soft_policies(tmp_path: Path, bonus: float) -> None:
+def test_soft_policies(bonus: float) -> None:
     """Values of the soft policy by its recursion; the expected return by following its probabilities."""
-    task = ring(tmp_path, 4, bonus)
+    task = ring(4, bonus)
     results = Results(task)
     V = dict.fromkeys(STATES, 0.0)
     followed = dict.fromkeys(STATES, 0.0)
@@ -145,9 +141,9 @@ def test_soft_policies(tmp_path: Path, bonus: float) -> None:
 
 @pytest.mark.parametrize("bonus", [-50, 50])
 @pytest.mark.parametrize("horizon", [3, "none"])
-def test_linear_programs_keep_to_legal_actions(tmp_path: Path, horizon: int | str, bonus: float) -> None:
+def test_linear_programs_keep_to_legal_actions(horizon: int | str, bonus: float) -> None:
     """Where nothing is illegal, a limit on the measure of it gives the same optimum."""
-    task = ring(tmp_path, horizon, bonus)
+    task = ring(horizon, bonus)
     free = with_all_actions(task)
     best = Results(task).optimal
     assert best is not None
@@ -159,8 +155,8 @@ def test_linear_programs_keep_to_legal_actions(tmp_path: Path, horizon: int | st
 
 
 @pytest.mark.parametrize("modifier", ["permuted_actions", "permuted_actions=3,per_state=true", "absorbing"])
-def test_modifiers_keep_returns(tmp_path: Path, modifier: str) -> None:
-    task = ring(tmp_path, 5, 50)
+def test_modifiers_keep_returns(modifier: str) -> None:
+    task = ring(5, 50)
     changed = modify(task, modifier)
     for name in ("optimal", "random", "worst"):
         before = getattr(Results(task), name).value
@@ -170,8 +166,8 @@ def test_modifiers_keep_returns(tmp_path: Path, modifier: str) -> None:
     assert sum(info["action_mask"]) == len(LEGAL[env.state["s"]])
 
 
-def test_absorbed_states_allow_all_actions(tmp_path: Path) -> None:
-    env = taskspec.make(ring(tmp_path, 30, 0), ending="absorb")
+def test_absorbed_states_allow_all_actions() -> None:
+    env = taskspec.make(ring(30, 0), ending="absorb")
     env.reset(seed=0)
     env.action_space.seed(0)
     over = False
@@ -180,15 +176,15 @@ def test_absorbed_states_allow_all_actions(tmp_path: Path) -> None:
     assert env.state["absorbed"] and info["action_mask"].tolist() == [1, 1, 1, 1]
 
 
-def test_what_plays_illegal_actions_has_the_effect_of_the_equations(tmp_path: Path) -> None:
-    task = ring(tmp_path, 4, 50)
+def test_what_plays_illegal_actions_has_the_effect_of_the_equations() -> None:
+    task = ring(4, 50)
     found = taskspec.exact.score(task, np.ones(5, int))
     assert found.value.value == pytest.approx(value(4, 50, lambda s, Q: Q[1], dict.fromkeys(STATES, ACTIONS)))
 
 
-def test_measures_of_difficulty_are_those_of_legal_actions(tmp_path: Path) -> None:
+def test_measures_of_difficulty_are_those_of_legal_actions() -> None:
     """Random actions of the task are those of one without illegal actions whose other actions do what a legal one does."""
-    task = ring(tmp_path, 4, 50)
+    task = ring(4, 50)
     found = difficulty(task)
     chance = value(4, 50, CHOICES["random"])
     assert scores(task).random.value == pytest.approx(chance)

@@ -74,12 +74,7 @@ reward: PAID
 
 
 @pytest.mark.parametrize(
-    ("step", "paid"),
-    [
-        ("1 if Bernoulli(1e-200) else 0", "0"),
-        ("0", "1e-200"),
-        ("0", "1e200 * k"),
-    ],
+    ("step", "paid"), [("1 if Bernoulli(1e-200) else 0", "0"), ("0", "1e-200"), ("0", "1e200 * k")]
 )
 @pytest.mark.parametrize("without_horizon", [False, True])
 def test_numbers_outside_of_the_domain_are_refused(step: str, paid: str, without_horizon: bool) -> None:

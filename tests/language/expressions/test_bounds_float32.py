@@ -56,13 +56,7 @@ def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend
 
 @pytest.mark.parametrize(
     ("seen", "values"),
-    [
-        ("floor(x)", 2),
-        ("ceil(x)", 2),
-        ("floor(-x)", 2),
-        ("floor(2 * x - 1)", 3),
-        ("floor(max([x, -x]))", 3),
-    ],
+    [("floor(x)", 2), ("ceil(x)", 2), ("floor(-x)", 2), ("floor(2 * x - 1)", 3), ("floor(max([x, -x]))", 3)],
 )
 def test_ends_that_single_floats_hold_give_no_room_for_more(seen: str, values: int) -> None:
     space = taskspec.make(build_text(SPEC.format(high="1", reward=0, seen=seen))).observation_space

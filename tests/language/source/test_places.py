@@ -63,8 +63,7 @@ def test_places_in_folded_text(parts: list[tuple[str, str]], quote: str, last: s
 
 
 block_lines = st.lists(
-    st.tuples(st.sampled_from(["", " ", "   ", "\t"]), st.text("ab# :'\"é😀", max_size=8)),
-    max_size=8,
+    st.tuples(st.sampled_from(["", " ", "   ", "\t"]), st.text("ab# :'\"é😀", max_size=8)), max_size=8
 )
 
 

@@ -127,8 +127,7 @@ def test_quoted_values_are_no_traps() -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["[" * 10_000, "{" * 10_000, "a: " + "[\n" * 10_000, "- " * 10_000, "x: " + "{a: " * 10_000],
+    "text", ["[" * 10_000, "{" * 10_000, "a: " + "[\n" * 10_000, "- " * 10_000, "x: " + "{a: " * 10_000]
 )
 def test_deep_texts_are_refused_at_once(text: str) -> None:
     assert problems(text)[-1].code == "E114"
