@@ -133,17 +133,6 @@ def test_the_way_of_autoreset_is_an_attribute_as_in_gymnasium(mode: AutoresetMod
         assert env.unwrapped.autoreset_mode is mode
 
 
-def test_a_sync_vector_env_walks_the_same_trajectory() -> None:
-    fast = gym.make_vec("derail/ProcGoal-v0", num_envs=4, backend="numpy")
-    slow = gym.make_vec("derail/ProcGoal-v0", num_envs=4, vectorization_mode="sync")
-    for env in (fast, slow):
-        env.action_space.seed(1)
-    assert np.array_equal(fast.reset(seed=9)[0], slow.reset(seed=9)[0])
-    for _ in range(70):
-        action = slow.action_space.sample()
-        np.testing.assert_equal(fast.step(action)[:4], slow.step(action)[:4])
-
-
 def test_observations_are_in_the_space() -> None:
     for task in EVERY:
         env = VectorEnvironment(load(task), 3, backend="numpy")
@@ -232,18 +221,6 @@ def test_a_missing_backend_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_type_of_names_of_backends_is_that_of_the_table() -> None:
     assert get_args(BackendName) == ("auto", *BACKENDS)
-
-
-def test_states_can_be_read() -> None:
-    env = VectorEnvironment(taskspec.load("derail/RiskyPath-v0"), 2, backend="numpy")
-    env.reset(seed=0)
-    assert env.state(1) == taskspec_state(0)
-
-
-def taskspec_state(seed: int) -> dict[str, object]:
-    env = taskspec.make("derail/RiskyPath-v0")
-    env.reset(seed=seed)
-    return dict(env.unwrapped.state)
 
 
 # -- the kit itself -----------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from taskspec.envs.options import LaneError
 from taskspec.envs.vector import VectorEnvironment
 
 LANES = 3
-TASKS = ["derail/EarlyTermPos-v0", "derail/Sort-v0", "derail/NoisyObs-v0", "derail/Parabola-v0"]
+TASKS = ["derail/EarlyTermPos-v0", "derail/Sort-v0", "derail/NoisyObs-v0", "derail/Parabola-v0", "derail/ProcGoal-v0"]
 
 
 def same(ours: Any, theirs: Any) -> None:

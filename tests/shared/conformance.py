@@ -7,7 +7,6 @@ raise AssertionError with what is wrong.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import gymnasium
@@ -36,30 +35,6 @@ def check_environment(make: Callable[[], gymnasium.Env[Any, Any]], steps: int = 
     _refuses_to_step(one, "before the first reset")
     assert _trajectory(one, steps, seed) == _trajectory(other, steps, seed), "a seed does not fix the trajectory"
     assert _trajectory(one, steps, seed) == _trajectory(other, steps, seed), "a second reset(seed) starts elsewhere"
-
-
-def check_infos(task: Task, backend: str, mode: str, lanes: int = 3, steps: int = 12) -> tuple[Any, dict[str, Any]]:
-    """Compare infos with those of Gymnasium's vectors of scalar environments, without those of steps that end episodes.
-
-    Returns:
-        the vector environment, and its last infos.
-    """
-    makers = [partial(taskspec.make, task)] * lanes
-    theirs = gymnasium.vector.SyncVectorEnv(makers, autoreset_mode=gymnasium.vector.AutoresetMode(mode))
-    ours = taskspec.make_vec(task, num_envs=lanes, backend=backend, autoreset_mode=mode)
-    ours.action_space.seed(0)
-    _, found = ours.reset(seed=5)
-    _, expected = theirs.reset(seed=5)
-    for _ in range(steps):
-        np.testing.assert_equal(found, expected)
-        actions = ours.action_space.sample()
-        found = _going_on(ours.step(actions)[4])
-        expected = _going_on(theirs.step(actions)[4])
-    return ours, found
-
-
-def _going_on(info: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in info.items() if "final" not in key}
 
 
 def _refuses_to_step(env: gymnasium.Env[Any, Any], when: str) -> None:

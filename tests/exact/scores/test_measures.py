@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.base.limits import also
 from taskspec.exact.scores.difficulty import difficulty
-from taskspec.exact.scores.returns import Results
 from tests.shared.sections import build_text
 from tests.shared.written_out import TABLES, Table
 
@@ -141,13 +139,3 @@ def test_coverage_is_the_overlap_of_visits_of_optimal_and_random_actions(table: 
 def test_an_expert_that_starts_elsewhere_covers_nothing() -> None:
     for name in ("InitShiftLearner", "InitShiftExpert"):
         assert difficulty(name, ["coverage"])["coverage"] == 0
-
-
-def test_what_would_take_too_long_is_not_begun() -> None:
-    names = ["best_constant", "best_state_reward"]
-    results = Results("Taxi")
-    assert results.optimal is not None and results.random is not None
-    with also("seconds=0"):
-        found = difficulty(results, names)
-    assert "constant actions" in found.why_not["best_constant"]
-    assert "rewards of all states" in found.why_not["best_state_reward"]

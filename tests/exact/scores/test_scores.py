@@ -13,8 +13,6 @@ import pytest
 import taskspec
 from taskspec import exact
 from taskspec.base.diagnostics import SpecError, TaskspecError
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.abstraction.verify import verify
 from taskspec.exact.rollout.rollout import at_random
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.language import source
@@ -262,18 +260,6 @@ def test_simulation_walks_the_trajectories_of_the_environment() -> None:
                 packed = [np.asarray(action[c.name])[..., lane] for c in task.action]
                 value = packed[0].item() if len(packed) == 1 else np.array(packed)
                 assert env.step(value)[1] == pytest.approx(reward[lane], abs=1e-12)
-
-
-# -- abstractions ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "variant"), [("sort", None), ("sort", "seals"), ("proc_goal", None), ("proc_goal", "seals")]
-)
-def test_abstractions_are_faithful(name: str, variant: str | None) -> None:
-    found = abstraction(shipped(name, variant))
-    assert found is not None
-    assert verify(found).problem is None
 
 
 # -- reports --------------------------------------------------------------------------------------
