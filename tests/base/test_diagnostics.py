@@ -8,6 +8,7 @@ import pytest
 
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError, TaskspecError, render, suggest
+from tests.shared.diagnostics import refusal
 from tests.shared.for_each import for_each
 
 TEXT = "name: x\ndynamics:\n  s': paht + a\n"
@@ -146,10 +147,9 @@ def test_collector_sorts_and_drops_duplicates() -> None:
     collector.add("E301", Span(ORIGIN, 3, 7, 3, 8), "late")
     collector.add("E701", None, "nowhere")
     assert [each.message for each in collector.diagnostics] == ["nowhere", "early", "late"]
-    with pytest.raises(SpecError) as caught:
-        collector.raise_if_errors()
-    assert caught.value.diagnostics == collector.diagnostics
-    assert str(caught.value) == render(collector.diagnostics)
+    caught = refusal(collector.raise_if_errors)
+    assert caught.diagnostics == collector.diagnostics
+    assert str(caught) == render(collector.diagnostics)
 
 
 def test_warnings_do_not_raise() -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.base.diagnostics import SpecError
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from tests.conftest import needs_vectors
 from tests.shared.conformance import Agreement
+from tests.shared.diagnostics import refusal
 from tests.shared.sections import build_text
 
 SPEC = """
@@ -134,15 +134,15 @@ def test_nothing_else_changes(task: Task) -> None:
 
 @pytest.mark.parametrize("action", ["{a: {type: real, low: 0, high: 1}}", "{a: {type: bool}, b: {type: bool}}"])
 def test_other_actions_are_refused(action: str) -> None:
-    with pytest.raises(SpecError) as error:
-        build_text(SPEC.replace("ACTION", f"action: {action}\nlegal: level > 0").replace("MOVE", "1"))
-    (diagnostic,) = error.value.diagnostics
+    error = refusal(build_text, SPEC.replace("ACTION", f"action: {action}\nlegal: level > 0").replace("MOVE", "1"))
+    (diagnostic,) = error.diagnostics
     assert (diagnostic.code, diagnostic.span.line) == ("E214", 5)
 
 
 @pytest.mark.parametrize("name", ["level'", "t", "Bernoulli(1/2)"])
 def test_the_condition_is_a_function_of_state_and_action(name: str) -> None:
-    with pytest.raises(SpecError) as error:
-        build_text(SPEC.replace("ACTION", f"action: {{a: {{type: bool}}}}\nlegal: a == {name}").replace("MOVE", "a"))
-    for diagnostic in error.value.diagnostics:
+    error = refusal(
+        build_text, SPEC.replace("ACTION", f"action: {{a: {{type: bool}}}}\nlegal: a == {name}").replace("MOVE", "a")
+    )
+    for diagnostic in error.diagnostics:
         assert diagnostic.span.line == 5

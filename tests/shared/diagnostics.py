@@ -1,9 +1,19 @@
-"""Codes of diagnostics, and statuses of verdicts."""
+"""Errors of wrong specs and calls, codes of diagnostics, and statuses of verdicts."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
-from taskspec.base.diagnostics import Diagnostic
+import pytest
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact.rules.claim_verdicts import Verdict
+
+
+def refusal(call: Callable[..., Any], *args: Any, **options: Any) -> SpecError:
+    """The error with which a call refuses its arguments."""
+    with pytest.raises(SpecError) as caught:
+        call(*args, **options)
+    return caught.value
 
 
 def codes(diagnostics: Iterable[Diagnostic]) -> list[str]:

@@ -12,7 +12,7 @@ from taskspec.exact.abstraction.abstraction import SymmetryCheck, verify_symmetr
 from taskspec.language.task.task import Task
 from tests.exact.check.test_symmetries import task_of
 from tests.programs.test_trajectories import walk_together
-from tests.shared.diagnostics import with_code
+from tests.shared.diagnostics import refusal, with_code
 from tests.shared.invariants import broken
 from tests.shared.sections import build_text
 from tests.shared.solved import returns
@@ -232,7 +232,6 @@ variants:
     ],
 )  # fmt: skip
 def test_mistakes_in_a_symmetry_have_a_code_and_a_place(symmetries: str, code: str, message: str) -> None:
-    with pytest.raises(SpecError) as error:
-        spec(symmetries)
-    assert error.value.codes == [code] and message in error.value.diagnostics[0].message, error.value
-    assert error.value.diagnostics[0].span is not None
+    error = refusal(spec, symmetries)
+    assert error.codes == [code] and message in error.diagnostics[0].message, error
+    assert error.diagnostics[0].span is not None

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.exact.rollout.rollout import by_expert, simulate
 from taskspec.language.task.task import Task
-from tests.shared.diagnostics import codes, statuses, with_code
+from tests.shared.diagnostics import codes, refusal, statuses, with_code
 from tests.shared.invariants import broken
 from tests.shared.sections import build_text
 
@@ -184,16 +183,13 @@ WRONG = {
 @pytest.mark.parametrize("memory", WRONG)
 def test_mistakes_have_codes(memory: str) -> None:
     code, words = WRONG[memory]
-    with pytest.raises(SpecError) as error:
-        tiger(memory=memory)
-    problem = with_code(error.value.diagnostics, code)[0]
+    problem = with_code(refusal(tiger, memory=memory).diagnostics, code)[0]
     assert words in f"{problem.message} {problem.hint}"
 
 
 def test_others_do_not_see_it() -> None:
-    with pytest.raises(SpecError) as error:
-        build_text(spec().replace("terminal: open'", "terminal: open' or lead > 1"))
-    assert error.value.codes == ["E302"] and "memory" in error.value.diagnostics[0].message
+    error = refusal(build_text, spec().replace("terminal: open'", "terminal: open' or lead > 1"))
+    assert error.codes == ["E302"] and "memory" in error.diagnostics[0].message
 
 
 def test_it_keeps_to_its_range() -> None:
@@ -260,12 +256,8 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
 
 
 def test_a_broken_observation_is_all_that_is_wrong() -> None:
-    with pytest.raises(SpecError) as error:
-        tiger(
-            observation="heard: heard + wind",
-            memory="lead: {type: int, low: -9, high: 9, initial: heard, next: heard'}",
-        )
-    (problem,) = error.value.diagnostics
+    lead = "lead: {type: int, low: -9, high: 9, initial: heard, next: heard'}"
+    (problem,) = refusal(tiger, observation="heard: heard + wind", memory=lead).diagnostics
     assert (problem.code, problem.message) == ("E302", "'wind' is not defined here")
 
 
@@ -308,9 +300,7 @@ def test_it_reads_what_it_sees_as_if_it_remembered_that(observation: str) -> Non
 
 def test_without_a_memory_it_reads_the_state() -> None:
     text = spec("sound: heard").replace("if: lead >= 2", "if: sound == left").replace("if: lead <= -2", "if: open")
-    with pytest.raises(SpecError) as error:
-        build_text(text[: text.index("memory:")] + text[text.index("expert:") :])
-    (found,) = error.value.diagnostics
+    (found,) = refusal(build_text, text[: text.index("memory:")] + text[text.index("expert:") :]).diagnostics
     assert (found.code, found.message) == (
         "E302",
         "'sound' is an observation, and an expert without `memory` reads the state",

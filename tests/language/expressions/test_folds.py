@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec.base.diagnostics import SpecError
 from taskspec.exact import scores
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.diagnostics import refusal
 from tests.shared.sections import build_text
 
 BRACKETS = """
@@ -86,7 +86,6 @@ def test_the_end_in_a_reward_is_the_condition_written_out() -> None:
     ],
 )
 def test_what_is_no_fold_and_no_end_is_said(old: str, new: str, code: str, words: str) -> None:
-    with pytest.raises(SpecError) as found:
-        build_text(BRACKETS.replace(old, new))
-    assert code in found.value.codes
-    assert any(words in d.message for d in found.value.diagnostics if d.code == code)
+    found = refusal(build_text, BRACKETS.replace(old, new))
+    assert code in found.codes
+    assert any(words in d.message for d in found.diagnostics if d.code == code)

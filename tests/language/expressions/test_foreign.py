@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.language import source
 from taskspec.language.expressions.parse import FOREIGN
 from taskspec.language.task.build import build
+from tests.shared.diagnostics import refusal
 from tests.shared.for_each import for_each
 
 X = (3, -1, 2)
@@ -59,9 +60,7 @@ def spec(expression: str, **sections: Any) -> source.Document:
 
 
 def problem(expression: str) -> Diagnostic:
-    with pytest.raises(SpecError) as refused:
-        build(spec(expression))
-    (found,) = refused.value.diagnostics
+    (found,) = refusal(build, spec(expression)).diagnostics
     return found
 
 
@@ -131,9 +130,7 @@ def test_modules_and_methods(written: str, message: str, hint: str | None) -> No
      "a table stands by itself, not below `table`"),
 ])  # fmt: skip
 def test_keys_and_types_of_others(section: str, entry: Any, message: str, hint: str) -> None:
-    with pytest.raises(SpecError) as refused:
-        build(spec("0", **{section: entry}))
-    (found,) = refused.value.diagnostics
+    (found,) = refusal(build, spec("0", **{section: entry})).diagnostics
     assert (found.message, found.hint) == (message, hint)
 
 
@@ -146,8 +143,7 @@ def test_keys_and_types_of_others(section: str, entry: Any, message: str, hint: 
     ]),
 ])  # fmt: skip
 def test_an_observation_is_declared_as_in_gymnasium(entry: dict[str, Any], said: list[tuple[str, str, str]]) -> None:
-    with pytest.raises(SpecError) as refused:
-        build(spec("0", observation={"seen": entry}))
-    for problem, (code, message, words) in zip(refused.value.diagnostics, said, strict=True):
+    refused = refusal(build, spec("0", observation={"seen": entry}))
+    for problem, (code, message, words) in zip(refused.diagnostics, said, strict=True):
         assert (problem.code, problem.message) == (code, message)
         assert words in str(problem.hint)

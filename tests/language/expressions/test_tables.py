@@ -2,7 +2,7 @@
 
 import pytest
 
-from taskspec.base.diagnostics import SpecError
+from tests.shared.diagnostics import refusal
 from tests.shared.sections import build_text
 
 TWO = """
@@ -43,9 +43,7 @@ def spec(**cells: str) -> str:
     ],
 )
 def test_a_draw_or_rows(place: str, cell: str, draw: str, rows: str) -> None:
-    with pytest.raises(SpecError) as caught:
-        build_text(spec(**{place: cell}))
-    (found,) = caught.value.diagnostics
+    (found,) = refusal(build_text, spec(**{place: cell})).diagnostics
     assert found.code == "E319"
     assert found.hint == f"the draw is written `reset: {draw}`, the rows `reset: {rows}`"
     build_text(spec(**{place: draw}))

@@ -16,6 +16,7 @@ from taskspec.language.modifiers import MODIFIERS, sentences
 from taskspec.language.task.task import Task
 from tests.programs.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.diagnostics import refusal
 from tests.shared.for_each import for_each
 from tests.shared.invariants import broken
 from tests.shared.sections import build_text
@@ -217,9 +218,7 @@ def test_texts_mappings_and_modifiers_mean_the_same() -> None:
     ],
 )
 def test_wrong_ones_are_refused_with_a_code(written: Any, code: str, part: str, hint: str | None) -> None:
-    with pytest.raises(SpecError) as error:
-        walk(written)
-    (diagnostic,) = error.value.diagnostics
+    (diagnostic,) = refusal(walk, written).diagnostics
     assert diagnostic.code == code, diagnostic
     assert part in diagnostic.message
     assert hint is None or hint in (diagnostic.hint or "")

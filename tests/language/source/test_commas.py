@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from taskspec import SpecError
 from taskspec.language.source import read_text
 from taskspec.language.task.task import Task
+from tests.shared.diagnostics import refusal
 from tests.shared.sections import build_text
 
 
@@ -39,9 +39,8 @@ claims:
 
 def pasted(text: str) -> str:
     """The text with every text in quotes that a hint shows in quotes."""
-    with pytest.raises(SpecError) as failure:
-        read_text(text, "spec.yaml")
-    for each in failure.value.diagnostics:
+    failure = refusal(read_text, text, "spec.yaml")
+    for each in failure.diagnostics:
         written = re.search(r"put this text in quotes: (\".*\")$", each.hint or "")
         assert written, each
         plain = written[1][1:-1]
@@ -71,27 +70,19 @@ def test_one_run_reports_all_commas_and_its_hints_are_ready_to_be_pasted() -> No
     ],
 )  # fmt: skip
 def test_what_belongs_together_is_quoted_together(text: str, code: str, quoted: str) -> None:
-    with pytest.raises(SpecError) as failure:
-        read_text(text, "spec.yaml")
-    last = failure.value.diagnostics[-1]
+    last = refusal(read_text, text, "spec.yaml").diagnostics[-1]
     assert last.code == code
     assert last.hint is not None
     assert last.hint.endswith(quoted)
 
 
 def test_a_key_without_a_value_is_no_text_with_a_comma() -> None:
-    with pytest.raises(SpecError) as failure:
-        read_text("d: {low: 0, high}\n", "spec.yaml")
-    assert failure.value.codes == ["E107"]
+    assert refusal(read_text, "d: {low: 0, high}\n", "spec.yaml").codes == ["E107"]
 
 
 def test_reading_again_is_bounded() -> None:
-    with pytest.raises(SpecError) as failure:
-        read_text("- " + "a" * 900_000 + "\n" + "- *z\n" * 1000, "spec.yaml")
-    assert failure.value.codes == ["E102"] * 2
-    with pytest.raises(SpecError) as failure:
-        read_text("- *z\n" * 1000, "spec.yaml")
-    assert len(failure.value.diagnostics) == 50
+    assert refusal(read_text, "- " + "a" * 900_000 + "\n" + "- *z\n" * 1000, "spec.yaml").codes == ["E102"] * 2
+    assert len(refusal(read_text, "- *z\n" * 1000, "spec.yaml").diagnostics) == 50
 
 
 WALK = """
@@ -125,8 +116,6 @@ def test_a_comprehension_in_its_own_brackets_is_one_row() -> None:
 
 
 def test_a_mistake_in_a_comprehension_is_where_it_is_written() -> None:
-    with pytest.raises(SpecError) as failure:
-        load(WALK.replace("HERE", "[s == k for i in range(4)]"))
-    (found,) = failure.value.diagnostics
+    (found,) = refusal(load, WALK.replace("HERE", "[s == k for i in range(4)]")).diagnostics
     assert found.span is not None
     assert (found.code, found.span.line, found.span.column, found.span.end_column) == ("E302", 9, 15, 16)

@@ -8,15 +8,13 @@ import yaml
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.language import source
-from tests.shared.diagnostics import codes
+from tests.shared.diagnostics import codes, refusal
 from tests.shared.for_each import for_each
 from tests.shared.places import written
 
 
 def problems(text: str) -> tuple[Diagnostic, ...]:
-    with pytest.raises(SpecError) as caught:
-        source.read_text(text, "x.yaml")
-    return caught.value.diagnostics
+    return refusal(source.read_text, text, "x.yaml").diagnostics
 
 
 def only(text: str) -> tuple[str, str, str, str]:

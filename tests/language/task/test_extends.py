@@ -14,7 +14,7 @@ from taskspec.language.registry import entries
 from taskspec.language.source import read_file
 from taskspec.language.task.build import build
 from taskspec.language.task.schema.export import json_schema
-from tests.shared.diagnostics import statuses
+from tests.shared.diagnostics import refusal, statuses
 from tests.verification.spec_changes.mutants import mutants
 
 WALK = """\
@@ -104,16 +104,12 @@ def test_a_grid_is_every_combination(run: Path) -> None:
 def test_messages_are_about_the_file_that_is_wrong(run: Path) -> None:
     base = run.parent.parent / "walk.yaml"
     base.write_text(WALK.replace("min(s + a, L)", "min(s + b, L)"))
-    with pytest.raises(SpecError) as failure:
-        load(run)
-    (found,) = failure.value.diagnostics
+    (found,) = refusal(load, run).diagnostics
     assert found.span is not None
     assert (found.code, Path(found.span.origin.name).resolve(), found.span.line) == ("E302", base, 10)
     base.write_text(WALK)
     run.write_text(RUN.replace("2 * (s'", "2 * (z'"))
-    with pytest.raises(SpecError) as failure:
-        load(run)
-    (found,) = failure.value.diagnostics
+    (found,) = refusal(load, run).diagnostics
     assert found.span is not None
     assert (found.code, found.span.origin.name, found.span.line) == ("E302", str(run), 5)
 
@@ -157,9 +153,7 @@ def test_what_cannot_be_extended_is_said_where_it_is(
     run: Path, before: str, after: str, code: str, where: tuple[int, int], words: str
 ) -> None:
     run.write_text(RUN.replace(before, after, 1))
-    with pytest.raises(SpecError) as failure:
-        load(run, "late")
-    first = failure.value.diagnostics[0]
+    first = refusal(load, run, "late").diagnostics[0]
     assert first.code == code
     assert first.span is not None
     assert (first.span.line, first.span.column) == where

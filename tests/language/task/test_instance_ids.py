@@ -10,6 +10,7 @@ import pytest
 import taskspec
 from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError
+from tests.shared.diagnostics import refusal
 from tests.shared.for_each import for_each
 
 ID = "derail/NoisyObs-v0?L=50&M=7"
@@ -84,9 +85,8 @@ def test_modifiers_are_a_list(modifiers: Any) -> None:
     ],
 )
 def test_mistakes_are_told(name: str, code: str, words: str) -> None:
-    with pytest.raises(SpecError) as caught:
-        taskspec.load(name)
-    assert caught.value.diagnostics[0].code == code and words in str(caught.value)
+    caught = refusal(taskspec.load, name)
+    assert caught.diagnostics[0].code == code and words in str(caught)
 
 
 def test_a_path_takes_values_and_a_file_its_own_name(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 import taskspec
-from taskspec.base.diagnostics import SpecError
 from taskspec.language import registry
+from tests.shared.diagnostics import refusal
 
 SECTIONS = (
     "state: {s: {type: bool}}\naction: {a: {type: bool}}\ninitial: {s: true}\ndynamics: {}\nreward: 0\nhorizon: 2\n"
@@ -43,9 +43,7 @@ def test_a_file_registers_its_tasks(
 
 def test_a_file_that_is_no_yaml_is_an_error_with_its_place(tmp_path: Path) -> None:
     (tmp_path / "walk.yaml").write_text("name: Walk\nreward: {\n", encoding="utf-8")
-    with pytest.raises(SpecError) as caught:
-        taskspec.register(tmp_path)
-    span = caught.value.diagnostics[0].span
+    span = refusal(taskspec.register, tmp_path).diagnostics[0].span
     assert span is not None
     assert span.origin.name == str(tmp_path / "walk.yaml")
 

@@ -13,6 +13,7 @@ from taskspec.language.task.build import attempts
 from taskspec.language.task.schema.check import check_shape
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.schema.models import Spec
+from tests.shared.diagnostics import refusal
 from tests.shared.for_each import for_each
 from tests.shared.sections import build_text
 from tests.shared.specs import specs
@@ -98,9 +99,7 @@ def test_variants_may_leave_out_and_remove() -> None:
 
 def of_task(text: str) -> list[tuple[str, str, str, str]]:
     """Code, place, message and hint of what building a task says."""
-    with pytest.raises(SpecError) as caught:
-        build_text(text)
-    return listed(caught.value.diagnostics)
+    return listed(refusal(build_text, text).diagnostics)
 
 
 def test_what_a_task_needs() -> None:
