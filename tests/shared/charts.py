@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from taskspec.show.figures import chart
 
 
@@ -23,6 +25,18 @@ def texts(figure: Any) -> Iterator[tuple[str, Any]]:
         for text in figure.findobj(Text):
             if text.get_text().strip() and text.get_visible() and text not in hidden:
                 yield text.get_text(), text.get_window_extent()
+
+
+def luminance(color: str) -> float:
+    """The relative luminance of WCAG 2.2."""
+    shares = np.frombuffer(bytes.fromhex(color[1:]), dtype=np.uint8) / 255
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(a: str, b: str) -> float:
+    darker, brighter = sorted((luminance(a), luminance(b)))
+    return (brighter + 0.05) / (darker + 0.05)
 
 
 def assert_legible(figure: Any) -> None:

@@ -1,9 +1,11 @@
 """Results of an exam that nobody ran: what `exam.json` holds, made of a few numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from taskspec.learn.exam.findings import diagnose
 
 TITLES = {
     "RiskyPath": "stochastic transitions", "EarlyTermPos": "early termination", "EarlyTermNeg": "early termination",
@@ -23,6 +25,21 @@ def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str,
         "half": 0.0, "return": score, "error": None if score is not None else "it failed", "steps": 50_000, "seconds": 2.5,
         "demonstrations": 10_000, "comparisons": 0, "starc": None, "reward_regret": None, "curve": None,
     } | others  # fmt: skip
+
+
+def column(rows: Iterable[Mapping[str, Any]], name: str) -> list[Any]:
+    """One value of each row."""
+    return [row[name] for row in rows]
+
+
+def flags(exam: Mapping[str, Any], *kinds: str) -> list[Any]:
+    """The flags of an exam that are of these kinds."""
+    return [flag for flag in exam["flags"] if flag["kind"] in kinds]
+
+
+def diagnosed(exam: Any) -> list[str]:
+    """The names of diagnoses of an exam on the suite of the paper."""
+    return column(diagnose(exam, "derail"), "name")
 
 
 def entries(scores: Scores, seeds: int, **others: Any) -> list[dict[str, Any]]:

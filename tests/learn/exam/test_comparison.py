@@ -15,9 +15,9 @@ from taskspec.data import tabular
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.learn.exam.changes import almost, changes
 from taskspec.learn.exam.comparison import LEVELS, _estimated, compare
-from taskspec.learn.exam.findings import diagnose, new_diagnoses
+from taskspec.learn.exam.findings import new_diagnoses
 from tests.shared.commands import Done
-from tests.shared.exams import exam
+from tests.shared.exams import column, diagnosed, exam, flags
 
 pytestmark = pytest.mark.usefixtures("warm")
 
@@ -37,8 +37,8 @@ def test_numbers_over_all_runs_are_those_of_scipy() -> None:
     assert found["learners"][0]["iqm"]["value"] == pytest.approx(scipy.stats.trim_mean(everything, 0.25))
     assert found["learners"][0]["profile"][LEVELS.index(0.5)] == np.mean(everything > 0.5)
     (pair,) = found["pairs"]
-    shares = [scipy.stats.mannwhitneyu(first[task], second[task]).statistic / 15**2 for task in first]
-    assert pair["probability"]["value"] == pytest.approx(np.mean(shares))
+    wins = scipy.stats.mannwhitneyu(list(first.values()), list(second.values()), axis=1).statistic
+    assert pair["probability"]["value"] == pytest.approx(np.mean(wins / 15**2))
     assert pair["probability"]["low"] < pair["probability"]["value"] < pair["probability"]["high"]
 
 
@@ -48,8 +48,9 @@ def test_the_interval_of_a_mean_is_students() -> None:
     found = _estimated(lambda runs: float(np.mean(runs[0])), [scores])
     expected = scipy.stats.t.interval(0.95, 4, scores.mean(), scipy.stats.sem(scores))
     assert (found["low"], found["high"]) == pytest.approx(expected)
-    higher = {"a": {"Sort": (scores + 0.5).tolist()}, "b": {"Sort": scores.tolist()}}
-    (pair,) = compare({name: exam(each, seeds=5, learner=name) for name, each in higher.items()})["pairs"]  # type: ignore[misc]
+    higher: Any = exam({"Sort": (scores + 0.5).tolist()}, seeds=5, learner="a")
+    lower: Any = exam({"Sort": scores.tolist()}, seeds=5, learner="b")
+    (pair,) = compare({"a": higher, "b": lower})["pairs"]
     assert 0.5 < pair["probability"]["low"] < pair["probability"]["high"] == 1.0
 
 
@@ -59,9 +60,9 @@ def test_the_command_examines_two_learners_side_by_side(tmp_path: Path) -> None:
         "def leaves(case): return np.ones(case.observation_space.n, int)\n"
         "def stays(case): return np.zeros(case.observation_space.n, int)\n"
     )
-    names = [f"{tmp_path}/two.py:{name}" for name in ("leaves", "stays")]
     options = ["-t", TASK, "--seeds", "2", "--steps", "1k", "--twins", "0", "--learns-from", "reward", "-j", "1"]
-    done = Done("exam", *names, *options, "--out", str(tmp_path / "out"))
+    two = tmp_path / "two.py"
+    done = Done("exam", f"{two}:leaves", f"{two}:stays", *options, "--out", tmp_path / "out")
     assert "IQM" in done.out and "P(" in done.out
     assert (tmp_path / "out" / "two-stays" / "exam.json").exists()
 
@@ -91,8 +92,8 @@ def test_a_diagnosis_is_new_where_the_scores_differ_by_more_than_chance(before: 
     earlier: Any = exam(BRANCHING | {"Branching": before}, seeds=6, learns_from=["reward"])
     p_value = scipy.stats.fisher_exact([[0, 6], [sum(before), 6 - sum(before)]]).pvalue
     assert bool(p_value < 0.01) is is_new
-    assert "never_finds" in [each["name"] for each in diagnose(now, "derail")]
-    assert ("never_finds" in [each["name"] for each in new_diagnoses(now, earlier, "derail")]) is is_new
+    assert "never_finds" in diagnosed(now)
+    assert ("never_finds" in column(new_diagnoses(now, earlier, "derail"), "name")) is is_new
 
 
 def test_the_exam_flags_a_new_diagnosis(tmp_path: Path) -> None:
@@ -107,7 +108,7 @@ def test_the_exam_flags_a_new_diagnosis(tmp_path: Path) -> None:
     terms: dict[str, Any] = {"tasks": ["Branching", "EarlyTermPos", "RiskyPath"], "seeds": 6, "twins": 0}
     examine(cloned, **terms, out=tmp_path)
     found = examine(lost, **terms, against=tmp_path)
-    (flag,) = [flag for flag in found["flags"] if flag["kind"] == "diagnosis"]
+    (flag,) = flags(found, "diagnosis")
     assert flag["task"] == "derail/Branching-v0" and "Loses credit over ten steps" in flag["message"]
 
 
@@ -125,17 +126,17 @@ def test_a_policy_that_still_explores_is_flagged_although_its_best_actions_are_r
 
     terms: Any = {"tasks": [f"derail/{TASK}-v0"], "seeds": 5, "steps": 100, "twins": 0}
     examine(greedy, out=tmp_path, **terms)
-    changed = [flag for flag in examine(exploring, against=tmp_path, **terms)["flags"] if flag["kind"] == "changed"]
-    assert ["the score of drawn actions is" in flag["message"] for flag in changed] == [True]
+    (flag,) = flags(examine(exploring, against=tmp_path, **terms), "changed")
+    assert "the score of drawn actions is" in flag["message"]
 
 
 def test_values_that_differ_are_flagged_although_scores_are_equal(tmp_path: Path) -> None:
     terms: dict[str, Any] = {"tasks": ["probes/EndInPlace"], "steps": 100, "twins": 0}
     examine(values_of_a_walk(1.0), **terms, seeds=range(6), out=tmp_path)
     same = examine(values_of_a_walk(1.0), **terms, seeds=range(10, 16), against=tmp_path)
-    assert [flag for flag in same["flags"] if flag["kind"] in ("changed", "regression")] == []
+    assert flags(same, "changed", "regression") == []
     other = examine(values_of_a_walk(3.0), **terms, seeds=range(10, 16), against=tmp_path)
-    (flag,) = [flag for flag in other["flags"] if flag["kind"] in ("changed", "regression")]
+    (flag,) = flags(other, "changed", "regression")
     assert flag["kind"] == "changed" and "value of the first states" in flag["message"]
 
 
@@ -151,8 +152,10 @@ def of_values(distances: Sequence[float], task: str = TASK, **others: Any) -> An
 def test_values_that_are_farther_from_right_ones_are_flagged(now: float, is_flagged: bool) -> None:
     noise = np.array([0.0, 0.01, 0.02, 0.03, 0.04])
     other = of_values((now + noise).tolist())
-    messages = [flag["message"] for flag in changes(other["tasks"], other["scores"], of_values((0.1 + noise).tolist()))]
-    assert ["farther from the right ones" in message for message in messages] == [True] * is_flagged
+    found = changes(other["tasks"], other["scores"], of_values((0.1 + noise).tolist()))
+    assert len(found) == is_flagged
+    for flag in found:
+        assert "farther from the right ones" in flag["message"]
 
 
 def test_the_largest_drop_that_is_no_flag_is_told_with_the_seeds_that_would_flag_it() -> None:
@@ -165,8 +168,8 @@ def test_the_largest_drop_that_is_no_flag_is_told_with_the_seeds_that_would_flag
     )
     more = {"RiskyPath": [1.0, -1.0, 1.0, -1.0, -1.0] * 3, "Branching": 0.99}
     again: Any = exam(more, seeds=15)
-    flagged = changes(again["tasks"], again["scores"], exam({"RiskyPath": 1.0, "Branching": 1.0}, seeds=15))  # type: ignore[arg-type]
-    assert [flag["kind"] for flag in flagged] == ["regression"]
+    (flag,) = changes(again["tasks"], again["scores"], exam({"RiskyPath": 1.0, "Branching": 1.0}, seeds=15))  # type: ignore[arg-type]
+    assert flag["kind"] == "regression"
     assert almost(before["tasks"], before["scores"], before) == []
 
 
@@ -202,7 +205,7 @@ def test_training_episodes_are_a_learning_curve(mode: str) -> None:
     random = about["random"]
     expert = about["expert"]
     assert random is not None and expert is not None and score["curve"] is not None
-    means = [mean for _, mean in score["curve"]]
+    _, means = np.transpose(score["curve"])
     assert len(means) == 20
     assert np.mean(means) == pytest.approx((np.mean(returns) - random) / (expert - random), abs=0.05)
 

@@ -13,6 +13,7 @@ from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.mistakes import MISTAKES
 from taskspec.learn.exam.pairings import PAIRINGS, pairing_distances
+from tests.shared.exams import flags
 from tests.shared.sparse import sparse
 
 pytestmark = pytest.mark.usefixtures("warm")
@@ -39,15 +40,18 @@ def _cloned(case: Case, pairs: Pairs) -> Array:
 
 
 def _right(case: Case) -> Pairs:
-    return (pair for obs, acts in _episodes(case) for pair in zip(obs, acts, strict=False))
+    for obs, acts in _episodes(case):
+        yield from zip(obs, acts, strict=False)
 
 
 def _stale(case: Case) -> Pairs:
-    return (pair for obs, acts in _episodes(case) for pair in zip(obs[1:], acts, strict=True))
+    for obs, acts in _episodes(case):
+        yield from zip(obs[1:], acts, strict=True)
 
 
 def _after(case: Case) -> Pairs:
-    return (pair for obs, acts in _episodes(case) for pair in zip(obs, acts[1:], strict=False))
+    for obs, acts in _episodes(case):
+        yield from zip(obs, acts[1:], strict=False)
 
 
 def _shuffled(case: Case) -> Pairs:
@@ -57,11 +61,13 @@ def _shuffled(case: Case) -> Pairs:
 
 
 def _reversed(case: Case) -> Pairs:
-    return (pair for obs, acts in _episodes(case) for pair in zip(obs, reversed(acts), strict=False))
+    for obs, acts in _episodes(case):
+        yield from zip(obs, reversed(acts), strict=False)
 
 
 def _without_last(case: Case) -> Pairs:
-    return (pair for obs, acts in _episodes(case) for pair in zip(obs, acts[:-1], strict=False))
+    for obs, acts in _episodes(case):
+        yield from zip(obs, acts[:-1], strict=False)
 
 
 MISTAKEN: dict[str, Callable[[Case], Pairs]] = {
@@ -77,7 +83,7 @@ def _examined(policy: Callable[[Case], Any]) -> Any:
 @pytest.mark.parametrize("name", sparse(MISTAKEN, 2))
 def test_a_pairing_that_is_wrong_is_named(name: str) -> None:
     found = _examined(lambda case: _cloned(case, MISTAKEN[name](case)))
-    (flag,) = [flag for flag in found["flags"] if flag["kind"] == "policy"]
+    (flag,) = flags(found, "policy")
     assert MISTAKES[name].what in flag["message"] and MISTAKES[name].fix in flag["advice"]
 
 
@@ -90,7 +96,7 @@ def test_policies_that_avoid_the_expert_or_know_nothing_are_named() -> None:
         return np.full_like(_cloned(case, _right(case)), 1 / case.action_space.n)
 
     for learner, name in ((avoids, "avoided"), (knows_nothing, "at random")):
-        (flag,) = [flag for flag in _examined(learner)["flags"] if flag["kind"] == "policy"]
+        (flag,) = flags(_examined(learner), "policy")
         assert MISTAKES[name].what in flag["message"]
 
 
@@ -100,14 +106,16 @@ def test_a_right_clone_and_its_noise_are_no_flag() -> None:
         return Learned(0.9 * pi + 0.1 / case.action_space.n)
 
     found = _examined(noisy)
-    assert [flag for flag in found["flags"] if flag["kind"] == "policy"] == []
-    distances = [score["pairings"] for score in found["scores"] if score["peek"] is None]
-    assert all(each is not None and each["right"] == pytest.approx(0.05, abs=1e-9) for each in distances)
+    assert flags(found, "policy") == []
+    for score in found["scores"]:
+        if score["peek"] is None:
+            assert score["pairings"]["right"] == pytest.approx(0.05, abs=1e-9)
 
 
 def test_learners_that_were_shown_nothing_have_no_pairing() -> None:
     found = _examined(lambda case: np.zeros(case.observation_space.n, int))
-    assert all(score["pairings"] is None for score in found["scores"])
+    for score in found["scores"]:
+        assert score["pairings"] is None
 
 
 def test_the_first_episode_alone_explains_what_others_would_have_shown() -> None:

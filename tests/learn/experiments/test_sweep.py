@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from taskspec.learn.jobs.running import Running
 from taskspec.learn.jobs.store import Store
 from tests.shared.charts import assert_legible
 from tests.shared.commands import Done
+from tests.shared.exams import column
 
 pytestmark = pytest.mark.usefixtures("warm")
 
@@ -45,10 +45,6 @@ def swept(path: Path, *options: str) -> list[dict[str, Any]]:
     done = Done("sweep", path, "--out", path.parent / "results", "--json", "-j", "2", *options)
     assert done.status in (0, 1), done.err
     return json.loads(done.out)  # type: ignore[no-any-return]
-
-
-def column(rows: Iterable[Mapping[str, Any]], name: str) -> list[Any]:
-    return [row[name] for row in rows]
 
 
 def endings(folder: Path) -> set[str]:
