@@ -216,9 +216,6 @@ def test_hints_round_up(needed: float, said: str) -> None:
     assert how_to_raise("seconds", 10**40) is None
 
 
-# -- bombs: each ends in seconds, within a gigabyte, with a message or without need of one --------------------------------------
-
-
 def flow(count: int, entry: str) -> str:
     """A mapping in YAML of so many entries, each with its number for I, and the one before for J."""
     entries = [entry.replace("I", str(i)).replace("J", str(i - 1)) for i in range(count)]

@@ -67,9 +67,6 @@ def python(code: str, package: Path, folder: Path) -> str:
     return done.stdout
 
 
-# -- what to install ----------------------------------------------------------------------------------------------
-
-
 GIT = {"vcs": "git", "commit_id": "0a1b2c"}
 FIGURES = '"{}"'.format('" "'.join(sorted(EXTRAS["figures"])))
 STUDIO = f'{FIGURES} "pygls>=2" "starlette>=0.40" "uvicorn>=0.35" "websockets>=13"'
@@ -142,9 +139,6 @@ def test_pages_install_the_checkout_with_extras_that_are_declared(path: Path) ->
         is_wheel = fnmatch(f"taskspec_rl-{taskspec.__version__}-py3-none-any.whl", Path(name).name)
         assert is_wheel or name in (".", "../taskspec", "../../..")
         assert set(extras.split(",")) - {""} <= set(EXTRAS)
-
-
-# -- metadata, and registration -----------------------------------------------------------------------------------
 
 
 def test_the_metadata_declare_every_licence_in_the_wheel(wheel: Path, metadata: Message) -> None:

@@ -28,9 +28,6 @@ BRANCHING = (DERAIL / "branching.yaml").read_text(encoding="utf-8")
 SHIFT = (DERAIL / "init_shift.yaml").read_text(encoding="utf-8")
 
 
-# -- list ---------------------------------------------------------------------------------------------------------
-
-
 GRID = """\
 taskspec: 1
 name: G
@@ -138,9 +135,6 @@ def test_list_goes_on_after_a_broken_spec(tmp_path: Path) -> None:
     assert "a.yaml:1:" in done.err
 
 
-# -- check --------------------------------------------------------------------------------------------------------
-
-
 def test_check_passes_every_task_of_the_paper() -> None:
     done = Done("check", DERAIL, DERAIL.parent / "seals")
     assert done.status == 0, done.out
@@ -216,8 +210,6 @@ def test_claims_speak_of_the_default_parameters() -> None:
     assert Done("check", "NoisyObs", "--json").data["tasks"][0]["claims_proved"] > 0
 
 
-# -- show ---------------------------------------------------------------------------------------------------------
-
 EVERY = [*paper_ids(), *map(str, varied_files())]
 
 
@@ -267,9 +259,6 @@ def test_show_obeys_nothing_that_a_spec_says(tmp_path: Path) -> None:
     assert done.status == 0
     assert "\x1b" not in done.out
     assert "[bold]A shortcut" in done.out
-
-
-# -- explain, schema, new -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("code", sparse(codes(), 3))

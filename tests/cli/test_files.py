@@ -58,9 +58,6 @@ def test_a_full_disk(tmp_path: Path, arguments: list[str], kept: str | None) -> 
     assert kept is None or (tmp_path / kept).read_text() == "as it was"
 
 
-# -- one file -----------------------------------------------------------------------------------------------------
-
-
 def refused(place: Path, text: str = "new", new: bool = False) -> str:
     with pytest.raises(SpecError) as caught:
         files.write_text(place, text, new)

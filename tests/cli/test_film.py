@@ -31,9 +31,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-# -- films --------------------------------------------------------------------------------------------------------
-
-
 def test_a_gif_has_a_frame_for_every_state(folder: Path) -> None:
     images = pytest.importorskip("imageio.v3")
     done = Done("run", "RiskyPath", "--policy", "expert", "--render", "gif", "-o", "deep/film.gif")
@@ -231,9 +228,6 @@ def test_a_window_on_a_machine_without_a_display() -> None:
     done = Done("run", "RiskyPath", "--policy", "expert", "--render", "human")
     assert (done.status, "return" in done.out) == (0, True)
     assert "no display" in done.err
-
-
-# -- figures ------------------------------------------------------------------------------------------------------
 
 
 def test_overlays(folder: Path) -> None:

@@ -14,8 +14,6 @@ from taskspec.cli import completions
 from tests.shared.commands import Done
 from tests.shared.for_each import for_each
 
-# -- messages -----------------------------------------------------------------------------------------------------
-
 DERAIL = Path(__file__).parents[2] / "tasks" / "derail"
 REFUSED = [
     (["show", "Branchng"], 1, "did you mean 'derail/Branching'?"),
@@ -73,9 +71,6 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     command = f"{sys.executable} -m taskspec explain | head -1"
     done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
     assert done.stderr == ""
-
-
-# -- completion, weight -------------------------------------------------------------------------------------------
 
 
 def test_completion_offers_ids_and_paths() -> None:

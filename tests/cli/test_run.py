@@ -31,9 +31,6 @@ WRITE = import_module("taskspec.show.pages.write")  # its name in the package is
 Done = partial(commands.Done, columns=100)
 
 
-# -- run ----------------------------------------------------------------------------------------------------------
-
-
 def test_run_is_a_function_of_its_seed() -> None:
     args = ("run", "Sort", "--json", "-n", 20)
     first = Done(*args, "--seed", 5).data
@@ -164,9 +161,6 @@ def test_interval_of_the_mean() -> None:
     assert math.isclose(2 * half, high - low)
 
 
-# -- solve, score -------------------------------------------------------------------------------------------------
-
-
 def test_solve_is_exact_where_it_can_be() -> None:
     data = Done("solve", "RiskyPath", "--json").data
     for name, value in (("optimal", 4), ("expert", 4), ("random", -122.21875), ("worst", -247.5)):
@@ -227,9 +221,6 @@ def test_files_without_returns_are_refused(text: str, tmp_path: Path) -> None:
     assert "contains no returns" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
     (tmp_path / "r.json").write_text("[1, NaN]")
     assert "return number 2 of" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
-
-
-# -- build, docs --------------------------------------------------------------------------------------------------
 
 
 def test_build_writes_everything(tmp_path: Path) -> None:

@@ -92,9 +92,6 @@ def blocks(text: str, key: str = "", language: str = "") -> list[Block]:
     return found
 
 
-# -- generated pages ----------------------------------------------------------------------------------------------
-
-
 TRAINED = "explain/probes"
 """A page that is made by training learners, in about 20 s."""
 
@@ -155,9 +152,6 @@ def test_the_documentation_is_short() -> None:
         assert words <= limits.get(path, 3_000), path
         total += words
     assert total <= 40_000
-
-
-# -- snippets -----------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

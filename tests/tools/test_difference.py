@@ -98,9 +98,6 @@ Row = dict[tuple[Any, ...], Fraction]
 """Probabilities of next states, rewards and ends."""
 
 
-# -- brute force: distributions of histories for all sequences of actions -----------------------------------------------
-
-
 def reference(text: str) -> Model:
     return Model(Task(yaml.safe_load(text)))
 

@@ -187,8 +187,6 @@ def test_as_many_whole_episodes_as_make_enough_transitions() -> None:
     assert same(data.rews, more.rews[: len(data)]) and data.dones[-1]
 
 
-# -- files --------------------------------------------------------------------------------------------------------
-
 SUFFIXES = [".npz", *([".parquet"] if importlib.util.find_spec("pyarrow") else [])]
 
 

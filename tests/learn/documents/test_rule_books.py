@@ -49,9 +49,6 @@ def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -
     return ScoreEvaluator(SeedScores({ONE: results}), names).truth(expression(rule))
 
 
-# -- intervals --------------------------------------------------------------------------------------------------------
-
-
 def test_the_interval_of_a_mean_is_students_and_of_two_values_that_of_their_share() -> None:
     sample = np.random.default_rng(3).normal(0.7, 0.3, 15)
     theirs = scipy.stats.ttest_1samp(sample, 0).confidence_interval(0.95)
@@ -145,9 +142,6 @@ def test_the_evidence_is_what_decides() -> None:
     assert (second.tasks, str(second)) == (("Sort",), "score(Sort) = 0.20")
 
 
-# -- the diagnoses of the suite ---------------------------------------------------------------------------------------
-
-
 def test_the_documentation_lists_what_rules_may_say() -> None:
     page = (registry.tasks_root().parent / "docs" / "explain" / "diagnoses.md").read_text(encoding="utf-8")
     written = {word.written for word in FIXED.values()}
@@ -162,8 +156,6 @@ def test_the_documentation_lists_what_rules_may_say() -> None:
     for side in ("score(task, twin)", *SIDES):
         assert side in page
 
-
-# -- the file ---------------------------------------------------------------------------------------------------------
 
 HEAD = "exam: 1\ndiagnoses:\n  d:\n    message: m\n    cause: c\n    try: t\n    source: {key: freire2020derail}\n"
 

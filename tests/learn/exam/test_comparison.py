@@ -24,9 +24,6 @@ pytestmark = pytest.mark.usefixtures("warm")
 TASK = "EarlyTermPos"
 
 
-# -- side by side -----------------------------------------------------------------------------------------------------
-
-
 def test_numbers_over_all_runs_are_those_of_scipy() -> None:
     rng = np.random.default_rng(1)
     first = {"Sort": rng.uniform(0, 1, 15).tolist(), "Parabola": rng.uniform(0.5, 1, 15).tolist()}
@@ -65,9 +62,6 @@ def test_the_command_examines_two_learners_side_by_side(tmp_path: Path) -> None:
     done = Done("exam", f"{two}:leaves", f"{two}:stays", *options, "--out", tmp_path / "out")
     assert "IQM" in done.out and "P(" in done.out
     assert (tmp_path / "out" / "two-stays" / "exam.json").exists()
-
-
-# -- with an earlier exam ---------------------------------------------------------------------------------------------
 
 
 def values_of_a_walk(factor: float) -> Any:
@@ -218,9 +212,6 @@ def test_policies_are_scored_on_a_longer_horizon() -> None:
     found = examine(work, tasks=["probes/EndInPlace"], seeds=1, steps=10, twins=0)
     (score,) = found["scores"]
     assert score["longer"] is not None and score["longer"] == pytest.approx(score["deterministic"], abs=0.2)
-
-
-# -- seeds and steps --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("action", "seeds", "verdict"), [(0, 17, "passes"), (1, 4, "fails")])

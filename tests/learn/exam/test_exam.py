@@ -40,9 +40,6 @@ def case(task: str = "derail/RiskyPath", steps: int = 100, *sources: Any) -> Cas
     return Case(taskspec.load(task), [3], ExamTerms(steps, sources, 50))
 
 
-# -- what a learner is given --------------------------------------------------------------------------------------
-
-
 def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
     for sources, paid in (((), 0.0), (("reward",), 1.0)):
         env = case("derail/EarlyTermPos", 100, *sources).env()
@@ -129,9 +126,6 @@ def test_preferences_go_by_the_true_return_though_rewards_are_withheld() -> None
     assert 0.3 < np.mean(noisy) < 0.7
     with pytest.raises(ValueError, match="have shown"):
         given.prefer(expert, taskspec.data.Trajectory(poor.obs + 1, poor.acts, poor.rews, False, True))
-
-
-# -- scores -------------------------------------------------------------------------------------------------------
 
 
 def test_a_policy_without_a_preference_is_random_and_not_action_0() -> None:
@@ -273,9 +267,6 @@ def test_scores_above_the_optimum_are_flagged_as_impossible(tmp_path: Path) -> N
     assert best["flags"] == [] and best["scores"][0]["return"] == pytest.approx(1)
 
 
-# -- the command --------------------------------------------------------------------------------------------------
-
-
 def held(tmp_path: Path, name: str, *options: str) -> tuple[int, Any]:
     done = Done("exam", f"{LEARNERS}:{name}", "--out", str(tmp_path), "--json", "-j", "1", *options)
     assert done.status in (0, 1), done.err
@@ -318,9 +309,6 @@ def test_a_budget_that_is_overdrawn_is_told(tmp_path: Path) -> None:
 def test_what_cannot_be_is_told_with_a_code(arguments: tuple[str, ...], told: str) -> None:
     done = Done("exam", *arguments)
     assert done.status in (1, 2) and told in done.err and "error[E7" in done.err
-
-
-# -- what is concluded --------------------------------------------------------------------------------------------
 
 
 PAIRED = ("policy", "EarlyTermPos")

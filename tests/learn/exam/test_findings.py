@@ -252,9 +252,6 @@ def test_the_page_in_the_docs_is_that_of_the_results_beside_it(tmp_path: Path, u
     assert (DOCS / "explain/findings.md").read_text(encoding="utf-8") == page
 
 
-# -- the file ---------------------------------------------------------------------------------------------------------
-
-
 def test_the_file_is_checked_and_its_schema_takes_it(tmp_path: Path) -> None:
     assert Done("check", SUITE / "findings.yaml", "--json").data["findings"][0]["findings"] == 35
     data = yaml.safe_load((SUITE / "findings.yaml").read_text(encoding="utf-8"))

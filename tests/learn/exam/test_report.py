@@ -55,9 +55,6 @@ def results() -> dict[str, Any]:
     return found
 
 
-# -- what is shown ----------------------------------------------------------------------------------------------------
-
-
 def rows_of(results: dict[str, Any]) -> dict[str, Any]:
     return {row.name: row for row in task_rows(results)}
 
@@ -81,9 +78,6 @@ def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> N
     assert row.printed.words == "−1.70" and pictures.clipped(row.printed.scores) == [-1.0] * 14
     curves = (((0.0, 0.0), (1.0, -3.0)), ((0.0, 0.0), (1.0, 1.0)))
     assert pictures.mean_curve(curves) == ([0.0, 1.0], [0.0, -1.0])
-
-
-# -- the card ---------------------------------------------------------------------------------------------------------
 
 
 def test_the_first_line_has_scores_and_the_second_one_the_nearest_mistake(results: dict[str, Any]) -> None:
@@ -128,9 +122,6 @@ def test_what_an_exam_took_is_told_in_words() -> None:
     assert duration(84) == "84 s" and duration(720) == "12 min" and duration(9000) == "2.5 h"
 
 
-# -- the terminal -----------------------------------------------------------------------------------------------------
-
-
 def test_the_terminal_shows_all_of_it(
     results: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,9 +134,6 @@ def test_the_terminal_shows_all_of_it(
         "twin RiskyPath: differs from its <twins>",
     ):  # fmt: skip
         assert re.search(f"^ ?{pattern} ?$", out, re.MULTILINE), pattern
-
-
-# -- pages ------------------------------------------------------------------------------------------------------------
 
 
 class Page(HTMLParser):
@@ -200,9 +188,6 @@ def test_without_matplotlib_the_page_has_all_but_pictures(
     (path,) = report.write(results, tmp_path, chart.possible(["html", "svg"]))
     text = path.read_text(encoding="utf-8")
     assert "<svg" not in text and "−1.70" in text and "[figures]" in text
-
-
-# -- pictures and tables ----------------------------------------------------------------------------------------------
 
 
 def test_pictures_are_written_and_the_same_each_time(results: dict[str, Any], tmp_path: Path) -> None:
@@ -322,9 +307,6 @@ def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-# -- the command ------------------------------------------------------------------------------------------------------
-
-
 def stored(folder: Path, results: dict[str, Any]) -> Path:
     """A folder as an exam leaves it."""
     folder.mkdir()
@@ -364,9 +346,8 @@ def test_the_command_puts_learners_side_by_side(tmp_path: Path) -> None:
     two = stored(tmp_path / "two", exam({"Parabola": -1.7}, learner="GAIL", seeds=3))
     done = Done("report", one, two, "-f", "svg", "-f", "parquet", "-o", tmp_path / "out")
     assert done.status == 0
-    header = re.findall(r"^.* Sort .*$", done.out, re.MULTILINE)[0].split()
-    row = re.findall(r"^ *BC .*$", done.out, re.MULTILINE)[0].split()
-    assert row[1 + header.index("Sort")] == "0.50"
+    header, row, *_ = map(str.split, done.out.splitlines())
+    assert row[0] == "BC" and row[1 + header.index("Sort")] == "0.50"
     files = names(tmp_path / "out")
     assert {"table.svg", "task-Sort.svg", "learner-GAIL.svg", "scores.parquet"} <= set(files)
     assert len(files) == 2 + len(TITLES) + 2
@@ -378,8 +359,6 @@ def test_the_command_refuses_what_is_no_exam_and_learners_that_are_one(tmp_path:
     again = Done("report", one, one)
     assert again.status == 2 and "the same learner" in again.err
 
-
-# -- files that something has changed ---------------------------------------------------------------------------------
 
 WRONG: dict[type, tuple[Any, ...]] = {
     str: (None, "x", -1.5, []), int: (None, "x", -1.5, 10**400, {"x": 1}), float: (None, "x", -1.5, math.nan, 10**400),

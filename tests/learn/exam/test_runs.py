@@ -32,8 +32,6 @@ def held(tmp_path: Path, learner: str, *options: str) -> tuple[int, Any]:
     return done.status, json.loads(done.out)
 
 
-# -- each begins anew ---------------------------------------------------------------------------------------------
-
 FORGETFUL = """
 import numpy as np
 
@@ -82,8 +80,6 @@ def test_settings_of_a_learner_in_a_file_mean_the_same_from_the_folder_that_it_i
     (score,) = found["scores"]
     assert (score["error"], score["deterministic"]) == (None, pytest.approx(1))
 
-
-# -- what is kept -------------------------------------------------------------------------------------------------
 
 TASK = """
 taskspec: 1
@@ -195,8 +191,6 @@ def test_results_of_other_versions_limits_and_episodes_are_not_reused(
         assert anew(exam) == 2
 
 
-# -- what is said ------------------------------------------------------------------------------------------------
-
 TALKING = """
 import numpy as np
 from taskspec.exam import learns_from
@@ -224,9 +218,6 @@ def test_an_exam_says_how_long_it_takes_and_keeps_what_is_printed(tmp_path: Path
     assert found["tasks"]["probes/Aim-v0"]["cannot"] == "its action space is a Box, which has no `n`"
     assert column(found["scores"], "task") == ["probes/Hazard-v0"] * 2
     assert found["flags"] == []
-
-
-# -- runs that do not end well ------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(os.name != "posix", reason="it forks")

@@ -128,9 +128,6 @@ def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: 
         assert each["reward_regret"] == pytest.approx(lost)
 
 
-# -- learners that peek
-
-
 @learns_from("preferences")
 def by_preferences(case: Case) -> Any:
     """The action of which whole episodes are preferred."""

@@ -71,9 +71,6 @@ def code(error: pytest.ExceptionInfo[SpecError]) -> str:
     return found.code
 
 
-# -- what comes of a job ------------------------------------------------------------------------------------------
-
-
 def job(name: str, function: Any, *arguments: Any, **options: Any) -> Job:
     return Job(name, name, function, arguments, **options)
 
@@ -228,9 +225,6 @@ def test_numbers_that_cannot_be_are_a_message(tmp_path: Path, wrong: dict[str, A
     assert code(error) == "E713"
 
 
-# -- the file -----------------------------------------------------------------------------------------------------
-
-
 def result(key: str, status: Any = "done", value: Any = 1) -> JobResult:
     text = json.dumps(value) if status == "done" else None
     return JobResult(key, key.upper(), status, text, None, 0.5, 1)
@@ -318,9 +312,6 @@ def test_an_entry_that_is_damaged_is_named(tmp_path: Path, change: str) -> None:
         assert list(store.results(["a"])) == ["a"]
 
 
-# -- runs that are killed -----------------------------------------------------------------------------------------
-
-
 def killed_twice(folder: Path, seconds: float, *cluster: str, meanwhile: Callable[[int], None]) -> None:
     """A run of 200 jobs, killed twice with all that it started, ends as if it had not been; nothing recorded is begun again."""
     path = folder / "store"
@@ -358,9 +349,6 @@ def test_processes_end_with_the_one_that_they_work_for(tmp_path: Path) -> None:
     wait_for(lambda: len(begun(log)) == 2)
     process.kill()
     process.communicate()  # until nobody holds its standard output any more
-
-
-# -- a Dask cluster -----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -427,9 +415,6 @@ def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path) -> None:
     late = rows.pop("turn")
     assert late.status == "timed_out" and "could not be interrupted" in str(late.message)
     assert numbered(rows.values(), 2)
-
-
-# -- functions in files -------------------------------------------------------------------------------------------
 
 
 def test_the_hash_of_a_function_covers_what_its_file_imports_from_its_folder(tmp_path: Path) -> None:

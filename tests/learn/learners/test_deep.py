@@ -190,9 +190,6 @@ def test_ties_are_drawn() -> None:
     assert 50 < chosen.sum() < 150
 
 
-# -- training -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_seeds_of_a_block_are_trained_as_one_and_counted() -> None:
     case = Granted("RiskyPath", steps=1300, seeds=2)

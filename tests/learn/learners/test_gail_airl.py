@@ -176,9 +176,6 @@ def test_the_deviation_as_variance_is_the_density_that_it_is() -> None:
     assert np.allclose(judge.reward(nets, at) - judge.logit(nets, actor, at), wrong, atol=1e-4)
 
 
-# -- training -----------------------------------------------------------------------------------------------------
-
-
 def scores(name: str, task: str, steps: int, family: str = "corrected", seeds: int = 2) -> list[float]:
     found = learner(name, family)(Granted(task, steps, seeds))
     return [score(task, p, episodes=300).normalised for p in found]

@@ -100,9 +100,6 @@ def test_there_is_nothing_to_see_before_the_first_reset(mode: str) -> None:
         env.render()
 
 
-# -- the window ---------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The pictures that were shown."""

@@ -301,8 +301,6 @@ def test_delimiters_of_a_matrix_in_mathml() -> None:
     assert [[cell[0].text for cell in line] for line in found.iter("mtr")] == [["1", "2"], ["x", "y"]]
 
 
-# -- hostile input ----------------------------------------------------------------------------------------------------
-
 DANGEROUS = re.compile(
     r"\\(?:input|include|write|openout|def|let|catcode|csname|immediate|read|special|usepackage|expandafter)"
 )

@@ -131,9 +131,6 @@ def test_a_scaled_pair_sees_the_order_of_returns_alone() -> None:
     assert oracle.policy_gradient("CoinToss", pi, exact=True)[0].tolist() == [Fraction(-7, 40), Fraction(7, 40)]
 
 
-# -- the enumeration --------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("small", [Small(1), DISCOUNTED, Small(6, states=4)], ids=["1", "3", "6"])
 def test_means_and_variances_are_those_of_all_episodes(small: Small) -> None:
     pi = np.linspace(0.2, 0.7, small.states)

@@ -149,9 +149,6 @@ def test_rows_of_a_table_may_be_observations() -> None:
         oracle.evaluate(twin, PI)
 
 
-# -- gradients --------------------------------------------------------------------------------------------------------
-
-
 def differences(task: Any, theta: Array, rows: Any) -> Array:
     """Central differences of the expected return by the logits of a table."""
 
@@ -182,9 +179,6 @@ def test_the_policy_gradient_is_the_slope_of_the_return() -> None:
     usual = (weights[..., None] * without.pi * without.A).sum(axis=0)
     assert np.allclose(oracle.policy_gradient(DISCOUNTED.task, PI, discounted=False), usual)
     assert not np.allclose(usual, exact)
-
-
-# -- maximum entropy --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("small", [Small(2), Small(4, discount=0.5)], ids=["2", "discounted"])

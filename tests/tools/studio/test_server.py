@@ -62,9 +62,6 @@ def page(studio: Studio) -> Iterator[Page]:
         yield Page(socket)
 
 
-# -- who is admitted --------------------------------------------------------------------------------------------------
-
-
 def status(studio: Studio, path: str, **headers: str) -> tuple[int, dict[str, str]]:
     connection = http.client.HTTPConnection(studio.host, timeout=30)
     connection.putrequest("GET", path, skip_host=True)
@@ -113,9 +110,6 @@ def test_a_strange_message_is_refused_and_a_long_one_closes_the_socket(page: Pag
     page.socket.send(json.dumps({"id": 1, "kind": "page", "text": "x" * 5_000_000}))
     with pytest.raises(ConnectionClosed):
         page.receive()
-
-
-# -- files ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_spec_is_saved_unless_it_was_changed_outside(page: Page, folder: Path) -> None:
@@ -172,9 +166,6 @@ def test_only_specs_are_written(page: Page, folder: Path, path: str) -> None:
     assert not (folder / path).exists()
 
 
-# -- newest wins, and limits ------------------------------------------------------------------------------------------
-
-
 def test_the_newest_question_is_answered_and_older_ones_are_outdated(page: Page) -> None:
     text = (DERAIL / "risky_path.yaml").read_text()
     for _ in range(3):
@@ -194,9 +185,6 @@ def test_kinds_do_not_wait_for_each_other(page: Page) -> None:
     assert {page.receive()["id"], page.receive()["id"]} == {slow, slow + 2}
 
 
-# -- the language server ----------------------------------------------------------------------------------------------
-
-
 def test_each_page_has_a_language_server_of_its_own(studio: Studio, folder: Path) -> None:
     place = folder / "risky_path.yaml"
     text = place.read_text().replace("safe: detour", "safe: detuor")
@@ -213,9 +201,6 @@ def test_each_page_has_a_language_server_of_its_own(studio: Studio, folder: Path
             send(method="textDocument/didOpen", params={"textDocument": document})
             found = json.loads(socket.recv(60))["params"]
             assert (found["version"], found["diagnostics"][0]["code"]) == (7, "E313")
-
-
-# -- the end ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sent", sparse([signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGHUP], 2))
