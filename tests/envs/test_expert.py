@@ -1,6 +1,5 @@
 """Experts as policies of other libraries, experts of other kinds than the spec's, and the model that scores rest on."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -132,14 +131,3 @@ def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_come
             expert.predict(np.full(9, state))
         with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, "):
             policy.by_words({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))
-
-
-def test_the_name_of_an_expert_is_no_policy_but_the_hint_says_how_it_is_one() -> None:
-    with pytest.raises(taskspec.SpecError, match=r"E713(.|\n)*`Expert\(task, 'soft\(1\)'\)`"):
-        score(TASK, "soft(1)")
-
-
-def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
-    assert math.isnan(exact.normalised(math.nan, 0.0, 2.0))
-    with pytest.raises(taskspec.SpecError, match=r"E713.*return number 2 of 2 is nan"):
-        score(TASK, returns=[1.0, math.nan])

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exact.rules.claim_verdicts import Verdict
+from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
+from tests.shared.sections import build_text
 
 
 def refusal(call: Callable[..., Any], *args: Any, **options: Any) -> SpecError:
@@ -26,3 +27,9 @@ def with_code(diagnostics: Iterable[Diagnostic], code: str) -> list[Diagnostic]:
 
 def statuses(verdicts: Iterable[Verdict]) -> list[str]:
     return [each.status for each in verdicts]
+
+
+def status(text: str, claim: str, **parameters: Any) -> str:
+    """The status of a claim about the task of a spec."""
+    (verdict,) = verdicts(build_text(f"{text}claims:\n  - {claim}\n", **parameters))
+    return verdict.status

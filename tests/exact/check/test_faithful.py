@@ -30,10 +30,6 @@ from tests.shared.specs import spec_file
 ROOT = Path(__file__).parents[3]
 
 
-def task(text: str, **parameters: Any) -> Task:
-    return build_text(text, **parameters)
-
-
 def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
     return build(source.read_file(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
 
@@ -45,7 +41,7 @@ def found(given: Task) -> Abstraction:
 
 
 def decided(text: str, *claims: str) -> list[str]:
-    return statuses(verdicts(task(f"{text}claims: {list(claims)}\n")))
+    return statuses(verdicts(build_text(f"{text}claims: {list(claims)}\n")))
 
 
 def test_what_has_too_many_steps_to_compare_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +105,7 @@ WRONG = {
 
 
 def test_a_faithful_abstraction_is_proved() -> None:
-    assert verify(found(task(FAITHFUL))).is_proved
+    assert verify(found(build_text(FAITHFUL))).is_proved
     assert decided(FAITHFUL, "optimal_return > 1", "expert_return == optimal_return", "not reachable(d == 5)") == [
         "proved", "proved", "false",
     ]  # fmt: skip
@@ -120,7 +116,7 @@ def test_no_difference_goes_unnoticed_where_every_step_is_looked_at(what: str) -
     old, new = WRONG[what]
     text = WALK.replace(old, new).replace("SLIPS", "slip")
     assert text != FAITHFUL
-    given = task(text)
+    given = build_text(text)
     problem = verify(found(given)).problem
     assert problem is not None
     assert codes(exact.check(given).errors) == ["E604"]
@@ -155,7 +151,7 @@ abstraction:
 def test_what_cannot_be_proved_gives_no_exact_results() -> None:
     """Results are those of episodes of the task itself, and a warning says why."""
     text = REAL + "claims: [random_return > 0, optimal_return > 0]\n"
-    report = exact.check(task(text))
+    report = exact.check(build_text(text))
     (warning,) = with_code(report.warnings, "W522")
     assert "neither linear" in warning.message or "no whole number" in warning.message
     assert statuses(report.verdicts) == ["tested", "undecided"]
@@ -168,7 +164,7 @@ LOOK = FAITHFUL.replace("expert: sign(goal - x)", "expert: sign(goal - x) if x >
 
 
 def test_an_expert_that_looks_at_more_than_the_abstraction_is_simulated() -> None:
-    results = Results(task(LOOK))
+    results = Results(build_text(LOOK))
     assert results.abstraction_check is not None and results.abstraction_check.is_proved
     assert results.optimal is not None and results.optimal.exact
     assert results.expert is not None and results.expert.status == "estimated"
@@ -189,8 +185,8 @@ abstraction:
   dynamics: {k': "(k + a) % 4"}
   reward: k' == 3
 """
-    assert verify(found(task(text))).is_proved
-    assert verify(found(task(text.replace("reward: s' // 2 == 3", "reward: s' == 7")))).problem is not None
+    assert verify(found(build_text(text))).is_proved
+    assert verify(found(build_text(text.replace("reward: s' // 2 == 3", "reward: s' == 7")))).problem is not None
 
 
 TIED = """
@@ -223,7 +219,7 @@ def test_ranks_stand_for_numbers_where_only_their_order_matters(
     start: str, following: str, paid: str, proved: bool
 ) -> None:
     text = TIED.replace("START", f'"{start}"').replace("NEXT", f'"{following}"').replace("PAID", f'"{paid}"')
-    check = verify(found(task(text)))
+    check = verify(found(build_text(text)))
     assert check.is_proved is proved, check
 
 
@@ -244,7 +240,7 @@ class Written:
     """Expressions over two ints, a vector of reals and an action, as nodes of one task."""
 
     def __init__(self) -> None:
-        self.task = task(ANY)
+        self.task = build_text(ANY)
         self.builder = self.task.new_builder()
 
     def node(self, text: str) -> Node:

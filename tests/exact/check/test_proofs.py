@@ -1,37 +1,18 @@
 """What is called proved is true: claims that rounding, slow chains or rare outcomes used to get wrong."""
 
-import json
 from fractions import Fraction
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from taskspec import exact
 from taskspec.exact.model.probabilities import Reader, written
-from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
 from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve import rational
 from taskspec.exact.solve.bounded import Bounded
 from taskspec.exact.solve.rational import Rational
-from taskspec.language.task.task import Task
+from tests.shared.diagnostics import status
 from tests.shared.for_each import for_each
 from tests.shared.sections import build_text
-
-
-def task(text: str, **parameters: Any) -> Task:
-    return build_text(text, **parameters)
-
-
-def verdict(text: str, claim: str, **parameters: Any) -> Verdict:
-    (found,) = verdicts(task(f"{text}claims:\n  - {claim}\n", **parameters))
-    return found
-
-
-def status(text: str, claim: str, **parameters: Any) -> str:
-    return verdict(text, claim, **parameters).status
-
 
 LADDER = """
 parameters:
@@ -250,7 +231,7 @@ initial: {{s: {seed % 4}}}
 dynamics: {{s': "Categorical(P[s, a])"}}
 reward: R[s, a]
 """
-        model = Results(task(text)).model
+        model = Results(build_text(text)).model
         assert model is not None
         numbers = Rational(model, Reader())
         bounded = Bounded(model)
@@ -263,13 +244,3 @@ reward: R[s, a]
         for s in range(4):
             assert abs(true.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])
             assert value.error[s] <= 1e-11 * max(abs(value.value[s]), np.abs(r).max())
-
-
-# -- one word for one thing -------------------------------------------------------------------------------------------
-
-
-def test_scores_keep_their_statuses_in_files(tmp_path: Path) -> None:
-    found = exact.scores(task(LADDER))
-    found.save(tmp_path / "scores.json")
-    assert exact.Scores.load(tmp_path / "scores.json", task(LADDER)) == found
-    assert json.loads((tmp_path / "scores.json").read_text())["optimal"]["status"] == "exact"

@@ -219,7 +219,12 @@ def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "hint"), [("optimal", "`Expert(task, 'optimal')`"), ("random", "a table, a function")]
+    ("name", "hint"),
+    [
+        ("optimal", "`Expert(task, 'optimal')`"),
+        ("soft(1)", "`Expert(task, 'soft(1)')`"),
+        ("random", "a table, a function"),
+    ],
 )
 def test_a_name_is_no_policy_and_what_it_may_stand_for_is_said(name: str, hint: str) -> None:
     with pytest.raises(SpecError, match="str is not a policy") as error:

@@ -11,7 +11,6 @@ from taskspec.exact.model.points import BYTES, Cost
 from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.scores.returns import Results, Return
 from taskspec.exact.solve import plans
-from taskspec.language.task.task import Task
 from tests.shared.diagnostics import statuses
 from tests.shared.sections import build_text
 
@@ -36,10 +35,6 @@ expert: optimal
 """
 
 
-def task(text: str, **parameters: Any) -> Task:
-    return build_text(text, **parameters)
-
-
 def peak(act: Callable[[], Any]) -> float:
     """Megabytes that a computation takes at most."""
     tracemalloc.start()
@@ -52,15 +47,15 @@ def peak(act: Callable[[], Any]) -> float:
 
 def test_the_return_of_a_planned_expert_keeps_no_policy_for_each_time() -> None:
     """127 tables of 9 actions in 2,187 states would take 19 MB."""
-    results = Results(task(HANOI))
+    results = Results(build_text(HANOI))
     assert results.model is not None and results.model.n_states == 3**7
     assert peak(lambda: results.expert) < 3
     assert results.expert == Return(1.0)
-    assert peak(lambda: statuses(verdicts(task(HANOI + "claims: ['prefers(optimal, source != target)']")))) < 12
+    assert peak(lambda: statuses(verdicts(build_text(HANOI + "claims: ['prefers(optimal, source != target)']")))) < 12
 
 
 def test_plans_for_any_time_keep_a_few_of_them() -> None:
-    model = Results(task(HANOI)).model
+    model = Results(build_text(HANOI)).model
     assert model is not None
     plan = plans.optimal_plan(model)
     assert peak(lambda: [plan(t).sum() for t in range(127)]) < 3
@@ -72,7 +67,7 @@ def test_plans_for_any_time_keep_a_few_of_them() -> None:
 
 def test_a_plan_too_large_to_keep_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plans, "MEMORY", 1000)
-    results = Results(task(HANOI, n=3))
+    results = Results(build_text(HANOI, n=3))
     assert results.model is not None
     with pytest.raises(SpecError, match=r"E712.*a plan for every time would take"):
         plans.optimal_plan(results.model)

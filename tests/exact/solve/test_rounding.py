@@ -1,7 +1,7 @@
 """Claims whose truth rounding could hide: chances that no float holds, signs that cancel, and sums of many outcomes."""
 
+import math
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,20 +10,13 @@ from scipy import sparse
 from taskspec.exact import extract
 from taskspec.exact.check.report import check
 from taskspec.exact.model.model import NoModel
-from taskspec.exact.rules.claim_verdicts import verdicts
 from taskspec.exact.solve import infinite_horizon, rational
 from taskspec.exact.solve.backward import Uniform
 from taskspec.exact.solve.bounded import Bound, Bounded
 from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
 from taskspec.exact.solve.plans import _LogOutcomes
+from tests.shared.diagnostics import status
 from tests.shared.sections import build_text
-
-
-def status(text: str, claim: str, **parameters: Any) -> str:
-    task = build_text(f"{text}claims:\n  - {claim}\n", **parameters)
-    (found,) = verdicts(task)
-    return found.status
-
 
 LURE = """
 parameters: {C: {type: int, default: 1}}
@@ -315,3 +308,30 @@ expert: {v: 2 if i > 0 else 0}
 def test_no_return_is_above_the_optimal_one(claim: str, expected: str) -> None:
     """Of two sums of floats that are equal, or nearly, neither is known to be the larger."""
     assert status(EPIDEMIC, claim) == expected
+
+
+FORK = """
+parameters:
+  R: {type: int, default: 1}
+state:
+  k: {type: int, low: 0, high: 2}
+  side: {type: int, low: 0, high: 1}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 2
+initial: {k: 0, side: 0}
+dynamics: {k': "min(k + 1, 2)", side': "side if k > 0 else a"}
+reward: "R if k == 0 else a * side"
+"""
+
+
+@pytest.mark.parametrize("paid", [0, 1000, 2**30, 2**40, 2**50], ids="paid {}".format)
+@pytest.mark.parametrize("off", [0.1, 1e-3, 1e-6, 1e-9, 1e-12])
+def test_whole_rewards_far_above_what_decides_leave_it_open(paid: int, off: float) -> None:
+    """Behind one side of a fork wait log 2, behind the other log(1 + e); both are added to what is paid at the fork."""
+    share = (1 + math.e) / (3 + math.e)
+    for sign, below, above in ((1, "proved", "false"), (-1, "false", "proved")):
+        for word, expected in (("<", below), (">", above)):
+            claim = f"{{claim: 'probability(side == 1) {word} {share + sign * off!r}', under: soft(1)}}"
+            found = status(FORK, claim, R=paid)
+            assert found == expected if paid <= 1000 and off > 1e-10 else found in (expected, "undecided"), claim
