@@ -42,7 +42,7 @@ def program(
 ) -> Ended:
     """Run Python, which knows `arguments`, in a folder."""
     with tempfile.TemporaryDirectory() as said, ThreadPoolExecutor(2) as readers:
-        pipes = [Path(said) / name for name in ("out", "err")]  # a limit of sizes of files does not hold for pipes
+        pipes = [Path(said) / "out", Path(said) / "err"]  # a limit of sizes of files does not hold for pipes
         for pipe in pipes:
             os.mkfifo(pipe)
         texts = readers.map(Path.read_text, pipes)

@@ -7,6 +7,7 @@ raise AssertionError with what is wrong.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import gymnasium
@@ -103,7 +104,7 @@ class ReferenceEnv:
     def _told(self) -> Any:
         """The present state as infos tell it: an int where it is one finite number, else an array."""
         components = self.task.state
-        numbers = [plain(number) for flat in self._run.state for number in flat]
+        numbers = list(map(plain, chain(*self._run.state)))
         shape = (len(numbers),)
         if len(components) == 1:
             shape = components[0].type.shape

@@ -82,9 +82,14 @@ def exam(printed: Scores, twins: Scores | None = None, seeds: int = 15, **others
 def _verdicts(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """By capability, from a normal interval: this is only to have something to show."""
     found: dict[str, Any] = {}
-    for capability in dict.fromkeys(TITLES.values()):
-        tasks = [f"derail/{t}-v0" for t, c in TITLES.items() if c == capability]
-        own = [s["deterministic"] for s in scores if s["task"] in tasks and s["twin"] is None and s["error"] is None]
+    tasks_of: dict[str, list[str]] = {}
+    for task, capability in TITLES.items():
+        tasks_of.setdefault(capability, []).append(id_of(task))
+    for capability, tasks in tasks_of.items():
+        own = []
+        for score in scores:
+            if score["task"] in tasks and score["twin"] is None and score["error"] is None:
+                own.append(score["deterministic"])
         if not own:
             continue
         mean = float(np.mean(own))

@@ -13,11 +13,11 @@ def data(expr: s.Expr) -> Any:
             pieces = [{"if": data(c), "then": data(v)} for c, v in branches]
             return [*pieces, {"else": data(otherwise)}]
         case s.Table(by=by, rows=rows):
-            return {"by": [data(c) for c in by], "rows": _rows(rows)}
+            return {"by": list(map(data, by)), "rows": _rows(rows)}
         case s.Weights(pairs=pairs):
             return {_key(value): data(p) for value, p in pairs}
         case s.Vector(items=items):
-            return [data(i) for i in items]
+            return list(map(data, items))
         case s.Boolean(value=value):
             return value
         case _:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
+from operator import le
 from typing import Any, TypeVar
 
 from taskspec.language.expressions import interval
@@ -138,18 +139,22 @@ def _of_kind(node: Const) -> bool:
 
 
 def _ruled(node: Apply) -> bool:
-    types = tuple(a.type for a in node.args)
+    types = _types(node.args)
     if node.op in OPERATORS:
         return OPERATORS[node.op].rule(types) == node.type
     return not types or node.op not in STRUCTURES or STRUCTURES[node.op].rule(types, node.static) == node.type
 
 
+def _types(those: Iterable[Node | Component]) -> tuple[Type, ...]:
+    return tuple(each.type for each in those)
+
+
 def _typed(nodes: Iterable[Node], components: Iterable[Component]) -> bool:
-    return [n.type for n in nodes] == [c.type for c in components]
+    return _types(nodes) == _types(components)
 
 
 def _bounded(c: Component) -> bool:
-    return len(c.low) == len(c.high) == c.type.size and all(b <= h for b, h in zip(c.low, c.high, strict=True))
+    return len(c.low) == len(c.high) == c.type.size and all(map(le, c.low, c.high))
 
 
 def _roles(nodes: Iterable[Node]) -> set[Role]:

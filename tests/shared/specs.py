@@ -41,7 +41,7 @@ def without_figure(name: str) -> str:
 
 def varied_files() -> list[Path]:
     """The files of the specs that use the language in many ways."""
-    return [spec_file(name) for name in VARIED]
+    return list(map(spec_file, VARIED))
 
 
 def suite_ids(*suites: str) -> list[str]:
