@@ -92,8 +92,12 @@ def test_a_wrong_operator_is_found(fresh: None, monkeypatch: pytest.MonkeyPatch)
 def spoiled(array: str) -> Callable[[Buffers], None]:
     def spoil(b: Buffers) -> None:
         held = getattr(b, array)
-        for each in getattr(held, "parts", held) if array in ("seen", "state", "measures") else [held]:
-            np.logical_not(each, each) if each.dtype == bool else np.add(each, 1, each)
+        arrays = [held]
+        if array in ("seen", "state", "measures"):
+            arrays = getattr(held, "parts", held)
+        for each in arrays:
+            change = np.logical_xor if each.dtype == bool else np.add
+            change(each, 1, each)
 
     return spoil
 

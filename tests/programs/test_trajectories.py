@@ -31,7 +31,9 @@ SMALL = {"B": 12, "L": 8, "S": 6, "K": 4, "N": 8, "D": 6}  # keeps random parame
 
 def name(case: tuple[str, str | None]) -> str:
     path, variant = case
-    return "-".join([Path(path).stem if path.endswith("yaml") else path, *([variant] if variant else [])])
+    if path.endswith("yaml"):
+        path = Path(path).stem
+    return f"{path}-{variant}" if variant else path
 
 
 def load(case: tuple[str, str | None], **parameters: Any) -> Task:
@@ -105,12 +107,15 @@ def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) ->
 @for_each(("case", "observe_time", "ending"), list(product(EVERY[::4], [False, True], ["terminate", "absorb"])))
 def test_compile_options(case: tuple[str, str | None], observe_time: bool, ending: str) -> None:
     task = load(case)
-    task = taskspec.modify(task, "absorbing") if ending == "absorb" else task
+    if ending == "absorb":
+        task = taskspec.modify(task, "absorbing")
     if observe_time and task.horizon is None and task.observation.space in FINITE_SPACES:
         with pytest.raises(SpecError, match="E720"):  # an endless clock fits into no finite space
             taskspec.modify(task, "time_observed")
         return
-    walk_together(taskspec.make(taskspec.modify(task, "time_observed") if observe_time else task), 7, 40)
+    if observe_time:
+        task = taskspec.modify(task, "time_observed")
+    walk_together(taskspec.make(task), 7, 40)
 
 
 @for_each("case", EVERY)

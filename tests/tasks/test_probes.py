@@ -90,11 +90,17 @@ def _q_learning(case: Case, counts_ends: bool) -> np.ndarray:
     q = np.zeros((case.observation_space.n, case.action_space.n))
     obs, _ = env.reset()
     for _ in range(case.steps):
-        action = int(q[obs].argmax()) if rng.random() > 0.2 else int(rng.integers(len(q[obs])))
+        action = int(q[obs].argmax())
+        if rng.random() <= 0.2:
+            action = int(rng.integers(len(q[obs])))
         after, reward, terminated, truncated, _ = env.step(action)
-        later = 0 if terminated and not counts_ends else q[after].max()
-        q[obs, action] += 0.1 * (reward + GAMMA * later - q[obs, action])
-        obs = env.reset()[0] if terminated or truncated else after
+        target = reward
+        if counts_ends or not terminated:
+            target += GAMMA * q[after].max()
+        q[obs, action] += 0.1 * (target - q[obs, action])
+        obs = after
+        if terminated or truncated:
+            obs, _ = env.reset()
     return q
 
 

@@ -23,16 +23,17 @@ def test_catch() -> None:
     env = make("catch")
     observation, _ = env.reset(seed=1)
     for action in np.random.default_rng(0).integers(3, size=300):
-        ball = np.argwhere(observation[:-1] == 1)
+        row, column = np.argwhere(observation == 1)[0]  # of the ball, which is above the paddle
         paddle = int(np.flatnonzero(observation[-1])[-1])
-        row, column = ball[0] if len(ball) else (None, None)
         observation, reward, terminated, _, _ = env.step(action)
         paddle = int(np.clip(paddle + action - 1, 0, 4))
         assert observation[-1, paddle] == 1
         assert terminated == (row == 8)
-        assert reward == ((1 if paddle == column else -1) if terminated else 0)
         if terminated:
+            assert reward == (1 if paddle == column else -1)
             observation, _ = env.reset()
+        else:
+            assert reward == 0
 
 
 def test_game_of_life() -> None:
@@ -102,7 +103,9 @@ def test_tic_tac_toe() -> None:
             assert terminated == (won(after, -1) or not (after == 0).any())
             assert reward == -float(won(after, -1))
         outcomes.add((reward, terminated))
-        board = env.reset()[0] if terminated else after
+        board = after
+        if terminated:
+            board, _ = env.reset()
     assert outcomes == {(-1, True), (1, True), (0, False)} | (outcomes & {(0, True)})
 
 
@@ -118,8 +121,9 @@ def test_memory_is_asked_for_at_the_end() -> None:
             assert np.abs(observation[2:]).any() == (step == 0)
         query = env.state["query"]
         guess = int(context[query])
-        _, reward, terminated, _, _ = env.step(guess if seed % 2 else 1 - guess)
-        assert (reward, terminated) == (1 if seed % 2 else -1, True)
+        is_wrong = seed % 2 == 0
+        _, reward, terminated, _, _ = env.step(abs(guess - is_wrong))
+        assert (reward, terminated) == (1 - 2 * is_wrong, True)
 
 
 def test_choices_of_several_components_and_labels_that_are_no_names() -> None:

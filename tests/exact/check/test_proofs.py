@@ -240,7 +240,12 @@ reward: R[s, a]
         for t in range(19, -1, -1):
             q = numbers.backup(t, true)
             found = bounded.backup(t, value)
-            true, value = (numbers.top(q), bounded.top(found)) if t % 2 else (numbers.bottom(q), bounded.bottom(found))
+            if t % 2:
+                true = numbers.top(q)
+                value = bounded.top(found)
+            else:
+                true = numbers.bottom(q)
+                value = bounded.bottom(found)
         for s in range(4):
             assert abs(true.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])
             assert value.error[s] <= 1e-11 * max(abs(value.value[s]), np.abs(r).max())

@@ -146,12 +146,17 @@ UP, DOWN, LEFT, RIGHT, STAY = range(5)
 
 
 def walk(dx: float, dy: float) -> int:
-    return RIGHT if dx > 0 else UP if dy < 0 else LEFT if dx < 0 else DOWN if dy > 0 else STAY
+    for action, is_the_way in ((RIGHT, dx > 0), (UP, dy < 0), (LEFT, dx < 0), (DOWN, dy > 0)):
+        if is_the_way:
+            return action
+    return STAY
 
 
 def _swap(o: Array) -> Array:
     wrong = np.flatnonzero(o != np.sort(o))
-    return np.array([wrong[0], np.argsort(o)[wrong[0]]] if len(wrong) else [0, 0])
+    if not len(wrong):
+        return np.array([0, 0])
+    return np.array([wrong[0], np.argsort(o)[wrong[0]]])
 
 
 def _follow(o: Array) -> Array:

@@ -84,20 +84,21 @@ def test_outcomes_have_the_frequencies_of_samples(
     found = draws_below([node])
     assert all(map(is_finite, found))
     value = 2
-    points = {(Role.STATE, "k"): np.full(20 if many else 1, value)}
     lanes = 20 if many else 1
+    points = {(Role.STATE, "k"): np.full(lanes, value)}
     table: dict[tuple[Any, ...], float] = {}
     mass = np.zeros(lanes)
     for branch in branches(found, points, lanes):
         (values,) = batch.evaluate([node], branch.place(points), drawn=branch.drawn)
-        n = lanes if branch.origin is None else len(branch.origin)
+        origin = branch.origin
+        if origin is None:
+            origin = np.arange(lanes)
+        n = len(origin)
         weight = np.broadcast_to(branch.weight, (n,))
-        np.add.at(mass, np.arange(lanes) if branch.origin is None else branch.origin, weight)
+        np.add.at(mass, origin, weight)
         values = np.broadcast_to(values, (*values.shape[:-1], n))
-        lanes_of_first = np.arange(n)
-        if many and branch.origin is not None:
-            lanes_of_first = np.flatnonzero(branch.origin == 0)
-        for i in lanes_of_first[:1] if many else lanes_of_first:
+        outcomes = np.flatnonzero(origin == 0)[:1] if many else np.arange(n)
+        for i in outcomes:
             key = tuple(values[..., i].reshape(-1).tolist())
             table[key] = table.get(key, 0.0) + float(weight[i])
     np.testing.assert_allclose(mass, 1, atol=1e-12)

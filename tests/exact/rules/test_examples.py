@@ -150,7 +150,10 @@ def by_name(task: Task, action: Any) -> dict[str, Any]:
 def with_examples(task: Task, examples: list[dict[str, Any]]) -> Task:
     """The same task with other examples, in its spec or in its variant."""
     data = json.loads(json.dumps(task.source.document.data))
-    (data if task.source.variant is None else data["variants"][task.source.variant])["examples"] = examples
+    changed = data
+    if task.source.variant is not None:
+        changed = data["variants"][task.source.variant]
+    changed["examples"] = examples
     return build(source.read_text(json.dumps(data), "mutant.yaml"), task.source.variant, None, task.source.suite)
 
 

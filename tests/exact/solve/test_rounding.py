@@ -72,7 +72,8 @@ reward: PAID
 @pytest.mark.parametrize("without_horizon", [False, True])
 def test_numbers_outside_of_the_domain_are_refused(step: str, paid: str, without_horizon: bool) -> None:
     text = RARE.replace("START", "0").replace("STEP", f'"{step}"').replace("PAID", paid)
-    text = text.replace("horizon: 2", "horizon: none\ndiscount: 1/4") if without_horizon else text
+    if without_horizon:
+        text = text.replace("horizon: 2", "horizon: none\ndiscount: 1/4")
     task = build_text(text)
     assert [d.code for d in check(task).diagnostics if d.code.startswith("E4")] == ["E411"]
     with pytest.raises(NoModel, match="E411"):
@@ -146,8 +147,11 @@ COUNTED = '"1 if sum(Bernoulli([1 - 1/10**20, 1])) < 2 else 0"'
 @pytest.mark.parametrize("at_the_start", [False, True])
 def test_what_is_not_quite_certain_leaves_something_else_possible(step: str, at_the_start: bool) -> None:
     """1 - 1/10**20 is written as a fraction, and not 1, although no float is nearer to it."""
-    start, after = (step, "k") if at_the_start else ("0", step)
-    text = RARE.replace("START", start).replace("STEP", after).replace("horizon: 2", "horizon: 1")
+    text = RARE.replace("horizon: 2", "horizon: 1")
+    if at_the_start:
+        text = text.replace("START", step).replace("STEP", "k")
+    else:
+        text = text.replace("START", "0").replace("STEP", step)
     text = text.replace("PAID", '"1e30 * k\'"')
     for claim in ("reachable(k == 1)", "states == 2", "random_return == 10**10", "probability(k == 1) == 10**-20"):
         assert status(text, claim) == "proved", claim

@@ -11,6 +11,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import chain, product
+from operator import truediv
 
 import numpy as np
 import pytest
@@ -272,7 +273,8 @@ def test_poisson_gives_one_result(words: list[int], rate: float) -> None:
 @given(probabilities, st.booleans())
 def test_outcomes_of_probability_zero_are_never_drawn(weights: list[int], exact: bool) -> None:
     total = sum(weights)
-    chances = [Fraction(p, total) if exact else p / total for p in weights]
+    divide = Fraction if exact else truediv
+    chances = [divide(p, total) for p in weights]
     table = draws.thresholds(chances)
     rows, last = draws.threshold_table([chances])
     ends = np.array(table, np.int64)

@@ -109,6 +109,6 @@ def test_what_is_known_of_a_draw_is_not_taken_for_another() -> None:
     """Nodes are told apart by where they lie in memory: one that is dropped must not leave its bounds to the next."""
     b = Builder()
     for k in range(50):
-        kind, base = (Kind.REAL, "normal") if k % 2 else (Kind.REAL, "uniform")
-        low = b.bounds(b.draw(base, (), Type(kind)))[0]
+        base = "normal" if k % 2 else "uniform"
+        low = b.bounds(b.draw(base, (), Type(Kind.REAL)))[0]
         assert (low < 0) is bool(k % 2)

@@ -134,8 +134,11 @@ variants:
 
 
 def test_a_variant_may_change_the_type_of_a_component() -> None:
-    for entry in ("{type: bool}", "{type: choice, values: [off, on]}", "{type: real}"):
-        first = "off" if "choice" in entry else "false" if "bool" in entry else "0"
+    for entry, first in (
+        ("{type: bool}", "false"),
+        ("{type: choice, values: [off, on]}", "off"),
+        ("{type: real}", "0"),
+    ):
         text = f"{WALK}    state: {{s: {entry}}}\n    initial: {{s: {first}}}\n    dynamics: {{s': s}}\n    reward: 0\n"
         assert (build_text(text, "v").state[0].high == (1,)) == ("real" not in entry)
 

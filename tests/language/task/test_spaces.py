@@ -6,6 +6,7 @@ import numpy as np
 
 import taskspec
 from taskspec.language import registry
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.spaces import SpaceLayout, pack, pack_many
 from tests.shared.for_each import for_each
@@ -21,8 +22,9 @@ def columns(layout: SpaceLayout) -> list[np.ndarray[Any, Any]]:
         low = np.clip(c.low, -6, 6)
         high = np.clip(c.high, -6, 6)
         drawn = rng.uniform(low, high + 1e-9, (ROWS, c.type.size))
-        whole = np.floor(drawn).astype(np.int64)
-        found.append(drawn if c.type.kind is Kind.REAL else whole.astype(bool) if c.type.kind is Kind.BOOL else whole)
+        if c.type.kind is not Kind.REAL:
+            drawn = np.floor(drawn)
+        found.append(drawn.astype(DTYPES[c.type.kind]))
     return found
 
 
