@@ -325,7 +325,6 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
 
 
 def _wrapped(text: str, width: int | None, used: int, indent: int) -> str:
-    """Wrap text between words: the first line starts at column `used`, the others are indented."""
     if width is None or used + _width(text) <= width:
         return text
 

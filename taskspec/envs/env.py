@@ -241,7 +241,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         self._lane.put(flat_state(self.task, value, self._values()), self._clock)
 
     def _values(self) -> tuple[Any, ...]:
-        """Return the present component values; what the program does not keep is replayed."""
         values, clock = self._lane.get()
         if self._seed is None or not any(v is None for v in values):
             return values
@@ -286,7 +285,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             self.__dict__["reset"] = _plain_reset(self._lane.reset, reset)
 
     def _shown(self, move: Callable[..., Any]) -> Callable[..., Any]:
-        """`step` or `reset` that updates the window, or keeps the frame."""
 
         def moved(*args: Any, **options: Any) -> Any:
             result = move(*args, **options)

@@ -200,7 +200,6 @@ class ArrayForm:
         return name
 
     def _cast(self, node: Apply, arg: str) -> str:
-        """Write a cast to a wider kind; drawn and read reals may have that kind already."""
         if node.args[0].type.kind is node.type.kind:
             return arg
         if self.scratch is None:

@@ -62,7 +62,6 @@ def verify(abstraction: Abstraction) -> AbstractionCheck:
 
 
 def _verified(abstraction: Abstraction) -> AbstractionCheck:
-    """Compare the models; an expert that depends on more than the mapped state is left out."""
     task = abstraction.task
     stand_in = abstraction.stand_in
     nodes = abstraction.nodes

@@ -178,7 +178,6 @@ def constant(context: LintContext) -> Iterator[Doubt]:
 
 
 def _values(node: Expression, model: Model | None) -> Array | None:
-    """Values (..., N) of a node in all states that episodes enter; None if some are not known."""
     if questions.constant(node) is not None:
         return evaluate([node], {})[0]
     if model is None or is_random([node]) or reads_time([node]):

@@ -305,11 +305,7 @@ def successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
 
 
 def _batches(steps: Steps, states: Array, t: int, spend: Callable[[int], None]) -> Iterator[tuple[Array, Array]]:
-    """Yield successors of a few states at a time: where the episode goes on, and where it ends.
-
-    Args:
-        spend: called with the number of outcomes of each batch before they are sorted.
-    """
+    """Yield successors of a few states at a time: where the episode goes on, and where it ends; `spend` counts outcomes."""
     per_chunk = max(1, int(min(VISITED, HELD // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
         some = states[low : low + per_chunk]

@@ -165,7 +165,6 @@ class Expert:
         return decoded(self.results, np.array([action]))
 
     def _states(self, observation: Any) -> dict[str, Array]:
-        """Return the state components that an observation shows, (*shape, 1)."""
         flats = spaces.unpack(self.observation, observation)
         states = {}
         for c in (c for c in self.task.state if c.name in self.shown_by):

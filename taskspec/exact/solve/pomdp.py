@@ -230,7 +230,6 @@ class BeliefSearch:
             self._trial(first, close)
 
     def _trial(self, first: _Choice, close: Fraction) -> None:
-        """Follow one episode to where bounds are close, and narrow those of the beliefs on the way."""
         choice = first
         path = []
         while choice.after:
@@ -281,7 +280,6 @@ class BeliefSearch:
         return _Choice(choice.paid // divisor, weights, choice.after, choice.whole // divisor)
 
     def _lead_to(self, choice: _Choice, t: int, weights: dict[int, int], factor: int) -> None:
-        """Add weighted states (times a factor) to a choice, as one belief for each observation."""
         look = at(self.seen, t)
         parts = defaultdict[int, list[tuple[int, int]]](list)
         for state, weight in sorted(weights.items()):

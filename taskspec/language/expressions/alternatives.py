@@ -17,6 +17,7 @@ from taskspec.base.limits import limits
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.dists import is_distribution
 from taskspec.language.expressions.ir import Const, Node, are_constant
+from taskspec.language.expressions.operators import FUNCTIONS
 from taskspec.language.expressions.scope import (
     BaseChecker,
     FunctionDef,
@@ -133,10 +134,17 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
 
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
-    if isinstance(expr, s.Name):
-        binding = scope.lookup(expr.written)
-        if isinstance(binding, Value | Lazy):
-            return binding.domain
+    """Return the choice whose labels an expression has as its value, or as its elements."""
+    match expr:
+        case s.Name():
+            binding = scope.lookup(expr.written)
+            if isinstance(binding, Value | Lazy):
+                return binding.domain
+        case s.Subscript(value=vector):
+            return domain_of(vector, scope)
+        case s.Call(function=name, args=args) if name in FUNCTIONS:
+            for i in FUNCTIONS[name].moved[:1]:
+                return domain_of(args[i], scope) if i < len(args) else None
     return None
 
 
@@ -564,7 +572,6 @@ def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
 def _matching(
     rows: Mapping[tuple[_Key, ...], int], masks: Iterable[tuple[bool, ...]], values: tuple[int, ...]
 ) -> int | None:
-    """Row for values of the columns, under the first mask of columns that it may span."""
     for mask in masks:
         key: list[_Key] = list(values)
         for column, spans in enumerate(mask):

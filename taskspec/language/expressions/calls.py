@@ -53,7 +53,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
         checker.collector.add("E303", expr.name_place, f"'{expr.function}' is a value, not a function")
         _give_up(checker, expr, scope)
     if expr.function in FUNCTIONS:
-        return Value(_built_in(checker, expr, scope))
+        return _built_in(checker, expr, scope, want)
     if dists.is_distribution(expr.function):
         return _distribution(checker, expr, scope, want)
     if expr.function in FOLDS:
@@ -105,10 +105,10 @@ def _keyword(name: str, value: s.Expr) -> s.Place:
     return value.place
 
 
-def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
+def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     function = FUNCTIONS[expr.function]
     _check_positional(checker, expr)
-    nodes = checker.operands(expr.args, scope)
+    nodes, domain = _operands(checker, expr, scope, want)
     _check_count(checker, expr, function.signature, function.accepts(len(nodes)))
     for index in function.static:
         if not isinstance(nodes[index], Const):
@@ -116,7 +116,25 @@ def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
             checker.fail("E312", expr.args[index], message)
     for i in function.indices:
         nodes[i] = _index_argument(checker, nodes[i], nodes[0], expr.args[i], scope)
-    return function.build(checker.builder, nodes)
+    return Value(function.build(checker.builder, nodes), domain)
+
+
+def _operands(
+    checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None
+) -> tuple[list[Node], Domain | None]:
+    """Check arguments; elements that are moved are labels where these are wanted, else numbers."""
+    moved = [i for i in FUNCTIONS[expr.function].moved if i < len(expr.args)]
+    if want is None or not moved:
+        return checker.operands(expr.args, scope), None
+    jobs = []
+    for i, e in enumerate(expr.args):
+        jobs.append((e, scope, want if i in moved else None))
+    values = checker.each(checker.value, jobs)
+    labels, domain = alternatives.unify(checker, [values[i] for i in moved], [expr.args[i] for i in moved], want)
+    nodes = list(map(checker.number_of, values))
+    for i, label in zip(moved, labels, strict=True):
+        nodes[i] = label
+    return nodes, domain
 
 
 def _check_positional(checker: BaseChecker, expr: s.Call) -> None:

@@ -396,7 +396,7 @@ def numbered(checker: BaseChecker, value: Value, domain: Domain) -> Node:
 
 def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
-    if one is None or other is None or (one.values is not None and other.values is not None):
+    if one is None or other is None or one == other or (one.values is not None and other.values is not None):
         return
     message = f"labels of one choice ({one.listed}) are not labels of another ({other.listed})"
     raise Refused(message, hint="where their positions are meant, say so with arithmetic: `x + 0 == y + 0`")

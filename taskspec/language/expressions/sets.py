@@ -194,7 +194,6 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
 
 
 def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
-    """Evaluate a node for every candidate: (count, *shape)."""
     if draws([node]) or any(role is not Role.VARIABLE or name not in columns for role, name in reads([node])):
         checker.fail("E312", expr, _ENUMERATED)
     for part in walk([node]):
@@ -326,9 +325,13 @@ class _Side:
         return [_Side(self.checker, item, self.scope) for item in items]
 
     @property
+    def domain(self) -> Domain | None:
+        return alternatives.domain_of(self.expr, self.scope)
+
+    @property
     def has_choices(self) -> bool:
         """True where it names a choice, or is a vector that does."""
-        return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
+        return self.domain is not None or any(p.has_choices for p in self.parts)
 
     def value(self, want: Domain | None = None) -> Value:
         """Value beside a neighbour of the domain `want`, the first one if there are two.
@@ -365,7 +368,7 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
         one, other = _alike(left, right)
         if one.domain is not None and one.domain == other.domain:
             return b.apply(_OPERATORS[op], one.node, other.node)
-        check_comparable(one.domain, other.domain)
+        check_comparable(one.domain or left.domain, other.domain or right.domain)
         nodes = [checker.number_of(one), checker.number_of(other)]
     else:
         nodes = checker.each(_Side.number, [(left,), (right,)])
@@ -377,7 +380,7 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
 def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
     if left.may_be_label and not right.may_be_label:
         other = right.value()
-        return left.value(other.domain), other
+        return left.value(other.domain or right.domain), other
     try:
         one = left.value()
     except Poisoned:
@@ -387,6 +390,8 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
         if not (right.may_be_label and right.scope.is_label(word)):
             right.checker.check(right.expr, right.scope)
         raise
+    if right.may_be_label:
+        return one, right.value(one.domain or left.domain)
     return one, right.value(one.domain)
 
 

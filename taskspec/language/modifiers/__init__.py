@@ -74,7 +74,6 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
 
 
 def _texts(written: str, rest: str) -> dict[str, str]:
-    """Split a text into arguments by name, at commas outside of brackets."""
     texts: list[str] = []
     for part in rest.split(","):
         if texts and len(re.findall(r"[([{]", texts[-1])) > len(re.findall(r"[)\]}]", texts[-1])):

@@ -310,10 +310,7 @@ def _escaped(text: str, at: int) -> tuple[str, int]:
 
 
 def _block(text: str, scalar: ScalarNode) -> list[Place]:
-    """Return the places in literal (`|`) and folded (`>`) scalars: what stands beyond the indentation, and line breaks.
-
-    A folded break is a space of the value, or nothing beside another break (section 8.1 of the YAML standard).
-    """
+    """Return the places in literal (`|`) and folded (`>`) scalars, as section 8.1 of the YAML standard folds lines."""
     header = _BREAK.search(text, scalar.start, scalar.end)
     if header is None:
         return []

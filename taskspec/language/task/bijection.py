@@ -118,7 +118,6 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 
 def _made(moves: Moves, flat: Array) -> Array:
-    """Apply moves to elements; 0 without a source."""
     return moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
 
 

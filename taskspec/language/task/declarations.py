@@ -114,7 +114,6 @@ def _require(context: Context, path: Path, scope: Scope) -> None:
 def _bind_parameter(
     context: Context, name: str, given: Mapping[str, Any], scope: Scope
 ) -> tuple[Parameter, Value] | None:
-    """Bind a parameter to the given value or its default; None for a broken one (reported)."""
     path: Path = ("parameters", name)
     entry = context.data["parameters"][name]
     kind = entry.get("type", "real")

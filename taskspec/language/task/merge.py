@@ -206,7 +206,6 @@ def _entries(
 def _claims(
     over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
 ) -> tuple[list[Any], list[Path]]:
-    """Drop and add claims; also the dropped ones that do not exist."""
     document, start = here
     dropped = {}
     for i, claim in enumerate(over.get("drop") or ()):
@@ -278,7 +277,6 @@ def _key(document: Document, variant: str) -> str:
 
 
 def _base(step: Step) -> Step | None:
-    """Place on which a variant, or a spec, is based; None for a spec that extends no other."""
     document, variant = step
     over = _sections(document, variant)
     if "extends" not in over and variant is None:

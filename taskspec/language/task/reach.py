@@ -63,11 +63,7 @@ def reach(
 
 
 def _move(nodes: Iterable[tuple[Node, tuple[int, ...]]], known: dict[int, Range], reached: dict[str, Interval]) -> None:
-    """Update what is known of nodes for other bounds of the state; what these do not change is not worked out again.
-
-    Args:
-        nodes: arguments first, each with the ids of its own.
-    """
+    """Update what is known of nodes, arguments first, for other bounds of the state; work out again what these change."""
     changed: set[int] = set()
     for node, args in nodes:
         if isinstance(node, Read) and node.role is Role.STATE:

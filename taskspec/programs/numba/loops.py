@@ -257,7 +257,6 @@ def _loads(p: Program, words: WordLayout, body: Sequence[str], at: str) -> list[
 
 
 def _read_state(c: Component, k: int) -> str:
-    """Template that reads an element of a component: a condition, or 32 bits where it fits in."""
     if c.type.kind is Kind.BOOL:
         return "({} != 0)"
     if c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31:

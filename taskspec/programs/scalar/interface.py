@@ -42,10 +42,7 @@ def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneVa
 
 
 def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    """Spread an array-like action over names, one for every element; another shape is refused.
-
-    An array of the usual types is taken as it is, all else is converted first.
-    """
+    """Spread an array-like action over names, one for every element; arrays of unusual types are converted first."""
     flat: list[str] = []
     values = []
     for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
@@ -236,7 +233,6 @@ def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequen
 
 
 def _integer(lane: LaneEmitter, node: Node) -> str:
-    """Convert a finite scalar to a value of `Discrete`: a condition is 0 or 1."""
     atom = lane.scalar(node)
     if node.type.kind is Kind.BOOL:
         return f"(1 if {atom} else 0)"

@@ -203,7 +203,6 @@ _ATOM = re.compile(r"\w+(\[\d+\])?")
 def _seen(
     lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
-    """Source of the observation of a step: the kept one where it stays the same."""
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
     observation, statements = interface.observe(lane, parts.observation, parts.step, values)

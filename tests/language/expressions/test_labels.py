@@ -170,3 +170,39 @@ def test_elements_of_a_vector_of_labels_are_labels_of_its_choice(value: str) -> 
 def test_vectors_of_labels_of_another_choice_are_refused(value: str) -> None:
     found = refusal(build_text, VECTOR.replace("pay: VALUE, door: VALUE", f"pay: [low, low], door: {value}"))
     assert set(found.codes) == {"E306" if "key" in value else "E313"}
+
+
+@pytest.mark.parametrize(
+    ("pay", "door", "expected"),
+    [
+        ("reverse(pay)", "reverse(door)", [[1, 0], [0, 2]]),
+        ("swap(pay, 0, 1)", "put(door, a, high)", [[1, 0], [0, 0]]),
+        ("where(a == 0, (high, high), pay)", "concat(door[1:], none)", [[1, 1], [0, 1]]),
+        ("put(pay, 1, low)", "reshape(door, 2)", [[0, 0], [2, 0]]),
+    ],
+)
+def test_elements_that_are_moved_stay_labels(pay: str, door: str, expected: list[list[int]]) -> None:
+    text = VECTOR.replace("VALUE", "[low, high]").replace("[pay[1], pay[0]]", pay)
+    text = text.replace("[door[i] if i == a else none for i in range(2)]", door)
+    text = text.replace(
+        "reward: pay[a]", "reward: 10 * (pay[1] == high) + count(reverse(door) == low) + (high == door[1])"
+    )
+    env: Any = taskspec.make(build_text(text))
+    env.reset(seed=0)
+    assert env.step(0)[1] == 12
+    assert [env.state[name].tolist() for name in ("pay", "door")] == expected
+
+
+@pytest.mark.parametrize(
+    ("door", "reward", "code"),
+    [
+        ("concat(key, key)", "0", "E306"),
+        ("door", "any(reverse(door) == red)", "E313"),
+        ("door", "door[a] == key", "E306"),
+        ("door", "all(reverse(door) == pay)", "E306"),
+    ],
+)
+def test_labels_of_another_choice_are_no_elements(door: str, reward: str, code: str) -> None:
+    text = VECTOR.replace("VALUE", "[low, high]").replace("[door[i] if i == a else none for i in range(2)]", door)
+    found = refusal(build_text, text.replace("reward: pay[a]", f"reward: {reward}"))
+    assert found.codes == [code]

@@ -381,7 +381,7 @@ LOGICAL = (
         function=Function(
             "where", ("condition", "x", "y"), r"\begin{cases}{1} & \text{if } {0}\\ {2} & \text{otherwise}\end{cases}",
             "x where the condition holds, else y; element by element.", ((True, 1, 2.5), ((True, False, True), INTS, 0)),
-            applies("where"),
+            applies("where"), moved=range(1, 3),
         ),
     ),
 )  # fmt: skip

@@ -101,7 +101,8 @@ class Function:
 
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
     `{0}`, `{1}`, ...; `{*}` is all arguments with commas, and `brackets` says which operands need them. `static`
-    arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes, with
+    arguments must be constants; `indices` are arguments that say where in the first one, and elements of those that are
+    `moved` stay as they are, so that labels stay labels. `build` makes the core nodes, with
     `applies` makes nodes of one operator. `whole` says that it takes vectors as a whole and not element by element.
     """
 
@@ -113,6 +114,7 @@ class Function:
     build: Build
     static: tuple[int, ...] = ()
     indices: tuple[int, ...] = ()
+    moved: range = range(0)
     brackets: Brackets = ENCLOSED
     axes: Axes = widest
     whole: bool = False

@@ -154,7 +154,6 @@ def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
 
 
 def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], bias: int) -> list[Node]:
-    """Draw from the row of a table that is chosen at run time: one look-up for every threshold."""
     k = table.type.shape[-1]
     rows = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches

@@ -101,10 +101,7 @@ def forms_of(root: dict[str, Any], schema: Any) -> Iterator[dict[str, Any]]:
 
 
 def _linked(node: Any) -> Any:
-    """Replace every mark of a form, and every pattern of keys, by a reference to it.
-
-    A definition is called what authors call it: `Claim`, not `ClaimEntry`.
-    """
+    """Replace marks of forms, and patterns of keys, by references; a definition is called `Claim`, not `ClaimEntry`."""
     if isinstance(node, list):
         return list(map(_linked, node))
     if not isinstance(node, dict):
