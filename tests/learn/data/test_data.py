@@ -22,6 +22,7 @@ from taskspec.language.task.build import build
 from taskspec.language.task.task import Task
 from tests.exact.policies.test_memory import DRAWN, SEEN, TURNS, episode, listening
 from tests.exact.solve.test_legal import CHOICES, GAMMA, is_legal, ring, value
+from tests.shared.sections import build_text
 from tests.shared.specs import spec_file
 
 TASKS = [
@@ -310,7 +311,7 @@ def test_demonstrations_of_an_expert_that_remembers(observation: str) -> None:
 
 
 def test_demonstrations_on_a_twin_of_an_expert_that_remembers() -> None:
-    task = build(read_text(TURNS))
+    task = build_text(TURNS)
     for modifiers in (
         ["permuted_actions=1", "relabelled=3"],
         ["symmetry=turned"],
@@ -320,8 +321,8 @@ def test_demonstrations_on_a_twin_of_an_expert_that_remembers() -> None:
         assert demonstrations(twin, episodes=5).returns().tolist() == [4] * 5
 
 
-def test_named_policies_are_legal_and_return_what_is_computed(tmp_path: Path) -> None:
-    task = ring(tmp_path, 4, 50)
+def test_named_policies_are_legal_and_return_what_is_computed() -> None:
+    task = ring(4, 50)
     for policy, which in (("random", "random"), ("expert", "expert"), ("optimal", "optimal"), ("epsilon(0.5)", None)):
         shown = demonstrations(task, policy, episodes=4000, seed=1)
         assert all(map(is_legal, shown.obs.tolist(), shown.acts.tolist()))
