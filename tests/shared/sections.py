@@ -22,8 +22,13 @@ def text(**sections: str) -> str:
     return "".join(f"{key}: {value}\n" for key, value in (BASE | sections).items())
 
 
+def whole_spec(text: str) -> str:
+    """Return a spec with what its first two lines say; at its end, where it lacks them."""
+    if "taskspec" in text:
+        return text
+    return f"{text}\ntaskspec: 1\nname: Test\n"
+
+
 def build_text(text: str, variant: str | None = None, **parameters: Any) -> Task:
     """Build a task from a spec, which may lack its first two lines."""
-    if "taskspec" not in text:
-        text += "\ntaskspec: 1\nname: Test\n"
-    return build(read_text(text, "spec.yaml"), variant, parameters)
+    return build(read_text(whole_spec(text), "spec.yaml"), variant, parameters)
