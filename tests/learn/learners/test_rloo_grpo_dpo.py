@@ -9,10 +9,7 @@ import pytest
 
 import taskspec
 from taskspec import oracle
-from taskspec.exact import score
 from taskspec.learn.learners import learner
-from tests.shared.cases import Granted
-from tests.shared.sparse import sparse
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
@@ -98,14 +95,3 @@ def test_the_loss_of_comparisons_is_the_oracle_s() -> None:
     now, before = totals
     expected = oracle.dpo_loss(now[:, 0], now[:, 1], before[:, 0], before[:, 1])
     assert float(actual) == pytest.approx(expected, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("name", "task"), sparse([("grpo", "RiskyPath"), ("rloo", "RiskyPath"), ("dpo", "EarlyTermNeg")], 3)
-)
-def test_they_learn(name: str, task: str) -> None:
-    granted = Granted(task, 60_000, seeds=1)
-    for policy in learner(name)(granted):
-        assert score(granted.task, policy).normalised > 0.9
-    assert granted.counted > 50_000 and len(granted.curve) >= 9
-    assert (granted.compared > 0) == (name == "dpo")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from taskspec import experiments, load
 from taskspec.exact import Results
-from taskspec.exact.model.extract import extract
 from taskspec.learn.exam.examinee import learner_of
 from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
 from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
@@ -116,27 +114,6 @@ def test_shrinking_keeps_what_holds_and_ends_where_nothing_smaller_does() -> Non
     assert path[-1].horizon == 1
     rewards = [outcome.reward for _, _, outcome in path[-1].steps()]
     assert sorted(map(abs, rewards)) == [0, 1]
-
-
-COMMAND = ("separate", "q.py:past_the_end", "q.py:right", "--in", "few.yaml", "--steps", "1000", "-j", "2")
-
-
-def test_a_bootstrap_past_the_end_is_separated_by_a_task_of_two_states_at_most(folder: Path) -> None:
-    done = Done(*COMMAND, "-o", "found.yaml", columns=80)
-    assert done.status == 0
-    assert done.out.startswith("q.py:past_the_end is worse than q.py:right: ")
-    assert max(map(len, done.out.splitlines())) <= 80
-    assert len(extract(load("found.yaml")).codes) <= 2
-    assert "Exact permutation test" in " ".join((folder / "found.yaml").read_text().split())
-    assert Done("check", "found.yaml").status == 0
-
-
-@pytest.mark.slow
-def test_the_same_seed_finds_the_same_task(folder: Path) -> None:
-    first = Done(*COMMAND, "--json").data
-    assert first == Done(*COMMAND, "--json").data
-    assert first["p_value"] <= 0.01
-    assert np.mean(first["scores"][1]) - np.mean(first["scores"][0]) >= 0.3
 
 
 def test_no_difference_is_found_between_right_learners(folder: Path) -> None:
