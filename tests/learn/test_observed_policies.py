@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -88,8 +87,8 @@ def test_a_network_of_pytorch_is_the_policy_of_its_outputs() -> None:
     assert value("probes/SecondThought", network) == pytest.approx(value("probes/SecondThought", table))
 
 
-def test_tables_of_learners_are_restricted_to_legal_actions(tmp_path: Path) -> None:
-    task = ring(tmp_path, 4, 50)
+def test_tables_of_learners_are_restricted_to_legal_actions() -> None:
+    task = ring(4, 50)
     Q = np.random.default_rng(0).normal(size=(5, 4))
 
     def greedy(s: int, values: dict[int, float]) -> float:

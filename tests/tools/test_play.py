@@ -16,6 +16,7 @@ from taskspec.envs import window
 from taskspec.tools.play import Warned, legend, play
 from tests.conftest import needs_vectors
 from tests.envs.test_legal import FORMS, SPEC, expected
+from tests.shared.sections import whole_spec
 from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files
 
@@ -129,7 +130,7 @@ def test_the_command_says_so_where_there_is_no_display() -> None:
 def test_a_player_is_told_of_illegal_actions(form: str, tmp_path: Path) -> None:
     action, move = FORMS[form]
     path = tmp_path / "lift.yaml"
-    path.write_text(SPEC.replace("ACTION", action).replace("MOVE", move))
+    path.write_text(whole_spec(SPEC.replace("ACTION", action).replace("MOVE", move)))
     task = taskspec.load(path)
     told: list[str] = []
     env = Warned(taskspec.make(task), told.append)
