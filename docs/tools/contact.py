@@ -28,7 +28,7 @@ from taskspec.show.pages.write import gather_pages, write_pages
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS: Mapping[str, tuple[Mapping[str, Any], ...]] = {
-    "branching": ({"L": 3, "B": 2}, {"L": 4, "B": 4}, {"L": 10, "B": 2}, {"L": 40, "B": 12}),
+    "branching": ({"L": 3, "B": 2}, {"L": 4, "B": 4}, {"L": 10, "B": 2}, {"L": 20, "B": 12}),
     "largest_sum": ({"L": 2}, {"L": 4}, {"L": 25}, {"L": 400}),
     "noisy_obs": ({"M": 2, "L": 1}, {"M": 5, "L": 20}, {"M": 15, "L": 60}, {"M": 60, "L": 1000}),
     "parabola": ({"h": 1}, {"h": 20}, {"h": 400, "dx": 0.01}),

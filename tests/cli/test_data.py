@@ -33,7 +33,7 @@ def test_an_expert_that_remembers_acts_on_what_it_saw() -> None:
         env.reset(seed=i)
         lead = 0
         for t, action in enumerate(found.acts):
-            assert action == (1 if lead >= 2 else 2 if lead <= -2 else 0)
+            assert action == np.select([lead >= 2, lead <= -2], [1, 2])
             seen, reward, *_ = env.step(action)
             lead += {0: 0, 1: -1, 2: 1}[int(seen)]
             assert seen == found.obs[t + 1] and reward == found.rews[t]

@@ -7,7 +7,7 @@ import pytest
 from tests.shared.commands import Done, spec
 from tests.shared.sections import text
 
-CHAIN = ", ".join(f"x{i}: {{base: x{i - 1}, horizon: {i + 1}}}" if i else "x0: {}" for i in range(400))
+CHAIN = ", ".join(["x0: {}", *(f"x{i}: {{base: x{i - 1}, horizon: {i + 1}}}" for i in range(1, 400))])
 
 
 # The code, or "" for what is right as it is, and the sections.

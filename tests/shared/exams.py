@@ -94,7 +94,11 @@ def _verdicts(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             continue
         mean = float(np.mean(own))
         half = 1.96 * float(np.std(own)) / len(own) ** 0.5
-        verdict = "masters" if mean - half >= 0.9 else "fails" if mean + half < 0.9 else "unsure"
+        verdict = "unsure"
+        if mean - half >= 0.9:
+            verdict = "masters"
+        elif mean + half < 0.9:
+            verdict = "fails"
         found[capability] = {
             "verdict": verdict, "tasks": tasks, "mean": mean, "low": mean - half, "high": mean + half,
             "seeds": len(own), "twins": None,

@@ -242,6 +242,7 @@ class Foresees:
     def __init__(self, task: Any, episodes: int) -> None:
         self.coins = []
         self.asked = 0
+        self.time = -1
         for seed in range(episodes):
             env = taskspec.make(task)
             env.reset(seed=seed)
@@ -251,7 +252,7 @@ class Foresees:
         self.asked += 1
         if len(observations) < len(self.coins):
             return np.full(len(observations), self.asked % 2)  # never the same, so that it is scored in episodes
-        self.time = self.time + 1 if hasattr(self, "time") else 0
+        self.time += 1
         return 2 - np.array(self.coins)[:, self.time].reshape(-1)
 
 
@@ -413,14 +414,11 @@ def test_permutation_tests_are_those_of_scipy() -> None:
 
 
 def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:
-    for name in ("before", "after"):
-        out = tmp_path / name
-        asked = {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
-        found = examine(
-            counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
-        )
-        twins = {("twin", "EarlyTermPos"), ("twin", "Branching")} if name == "before" else set()
-        assert flagged(found) == {*twins, PAIRED}
+    asked: Any = {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
+    before = examine(counting.clone_off_by_one, out=tmp_path / "before", **asked)
+    assert flagged(before) == {("twin", "EarlyTermPos"), ("twin", "Branching"), PAIRED}
+    after = examine(counting.clone_off_by_one, out=tmp_path / "after", against=tmp_path / "before", **asked)
+    assert flagged(after) == {PAIRED}
 
 
 def test_a_learner_that_peeks_is_flagged() -> None:

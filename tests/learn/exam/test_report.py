@@ -369,12 +369,14 @@ WRONG: dict[type, tuple[Any, ...]] = {
 
 def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     """The places of all values without parts."""
-    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    parts = list(entries)
-    if not parts:
+    if not data or not isinstance(data, dict | list):
         yield path
-    for key, part in parts:
-        yield from leaves(part, (*path, key))
+    elif isinstance(data, dict):
+        for key, part in data.items():
+            yield from leaves(part, (*path, key))
+    else:
+        for number, part in enumerate(data):
+            yield from leaves(part, (*path, number))
 
 
 def at(data: Any, path: tuple[str | int, ...]) -> Any:

@@ -30,9 +30,9 @@ def test_linked_data_has_the_exact_values(task: str) -> None:
     assert card["identifier"] == [loaded.instance_id, f"sha256:{loaded.content_hash}"]
     assert card["license"] == "https://spdx.org/licenses/MIT"
     assert {name: each["value"] for name, each in of_kind(card, "parameter").items()} == loaded.values
-    results = Results(loaded)
-    returns = of_kind(card, "return")
-    assert returns["random return"]["value"] == pytest.approx(results.random.value if results.random else None)
+    random = Results(loaded).random
+    assert random is not None
+    assert of_kind(card, "return")["random return"]["value"] == pytest.approx(random.value)
     assert len(of_kind(card, "claim")) == len({claim.text for claim in loaded.annotations.claims})
     assert all(each["value"] for each in of_kind(card, "claim").values()), "all claims hold"
     assert len(card["citation"]) == len(loaded.spec.sources)

@@ -36,9 +36,12 @@ def machine(n: int, n_actions: int, k: int, long: bool, starts: int, seed: int) 
     for s in states:
         rows += f"      {s}:\n"
         for a in actions:
-            found = rng.sample(states, k if rng.random() < 0.6 else 1)
+            first, *others = rng.sample(states, k if rng.random() < 0.6 else 1)
             p = rng.choice((0.1, 0.25, 0.5))
-            rows += f'        {a}: "{found[0] if len(found) == 1 else f"{{{found[0]}: {p}, {found[1]}: {1 - p}}}"}"\n'
+            leads = first
+            for other in others:
+                leads = f"{{{first}: {p}, {other}: {1 - p}}}"
+            rows += f'        {a}: "{leads}"\n'
     rewards = ""
     for s in states:
         rewards += f"    {s}: {rng.choice((0, 0, 1, -2.5))}\n"
