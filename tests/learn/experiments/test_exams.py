@@ -18,7 +18,6 @@ from taskspec.learn.exam.trial import SEEDS
 from taskspec.learn.learners import BUILT_IN
 from tests.learn.learners import counting
 from tests.shared.commands import Done, spec
-from tests.shared.exams import column
 
 pytestmark = pytest.mark.usefixtures("warm")
 
