@@ -82,7 +82,9 @@ def judged(runs: Sequence[Run], good: Sequence[str]) -> Judgement:
     nearer = [name for name in ranked if known.overall(name) < of_best]
     nearest = tuple((name, known.distance(name)) for name in nearer[:LISTED])
     named = [name for name in ranked if known.explains(name)]
-    telling = [name for name in named if not known.is_vague(name)]
+    fitted = [known.distance(name) for name in named if known.is_vague(name) and OPERATORS[name].free]
+    least = min(fitted, default=np.inf)
+    telling = [name for name in named if not known.is_vague(name) and known.distance(name) < least + SAME]
     if telling:
         named = telling
     if named:
@@ -142,9 +144,13 @@ class _Pooled:
         return medians.get(self.best, medians[self.good[0]])
 
     @staticmethod
-    def is_recognised(name: str) -> bool:
-        """Return whether a mistake has no fixed point, and is recognised by a pattern."""
-        return name in OPERATORS and OPERATORS[name].recognise is not None
+    def needs_others(name: str) -> bool:
+        """Return whether values have to be right on tasks of which a mistake says nothing.
+
+        A pattern may say nothing of values that have it; one that is of random outcomes says nothing where there are none.
+        """
+        operator = OPERATORS.get(name)
+        return operator is None or operator.recognise is None or operator.varies
 
     @staticmethod
     def is_vague(name: str) -> bool:
@@ -185,7 +191,7 @@ class _Pooled:
             elif is_far_worse:
                 unfinished += 1
         others = [self.of_good(task) for task, medians in self.medians.items() if name not in medians]
-        if others and not self.is_recognised(name) and _mean(others) > ELSEWHERE:
+        if others and self.needs_others(name) and _mean(others) > ELSEWHERE:
             return False
         if name in OPERATORS and OPERATORS[name].free:
             unfinished += sum(of_good > NEAR for of_good in others)

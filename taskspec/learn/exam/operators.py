@@ -32,6 +32,8 @@ FRESH = 0.3
 DRIFTED, ASIDE = 0.6, 2
 """The size of values that are moved by what else the network learns, at most, and how many times larger they are than what they
 have of right ones."""
+MULTIPLE = 0.7
+"""The share of the size of values that a multiple of right ones has, from which they are trained."""
 FAR = 5
 """Right values that are so many times larger than this are too far to be taken for fresh ones."""
 SCALED = 1.5
@@ -294,7 +296,7 @@ def _one_pair(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Arr
 
 def _untrained(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     """Compare values with those of a fresh network, which are small, or moved by what else is learned: away from right ones, or
-    aside. Values that move towards right ones are trained, however slowly.
+    aside. Values that move towards right ones, or are a small multiple of them, are trained, however slowly.
     """
     right = rights[0][..., s.acted]
     squared = float((right**2).sum())
@@ -306,7 +308,8 @@ def _untrained(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Ar
     of_right = float(np.sqrt((right**2).mean()))
     is_aside = likeness < 0 or size >= ASIDE * likeness * of_right
     limit = DRIFTED if is_aside else FRESH
-    if likeness > 0.5 or size > limit:
+    is_multiple = likeness * of_right > MULTIPLE * size
+    if likeness > 0.5 or size > limit or is_multiple:
         return Fit(1.0, values.size)
     if values.any() and of_right < FAR * FRESH:
         return None
@@ -316,11 +319,13 @@ def _untrained(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Ar
 def _one_outcome(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[Array]) -> Fit | None:
     """Compare values after chance with the value of one outcome: how near the nearest is, where half of their range is 1.
 
-    What follows is worth what was learned, so that mistakes do not add up on the way.
+    What follows is worth what was learned, so that mistakes do not add up on the way. Values of steps with one outcome have to be
+    right.
     """
     V = s.learned(learned.max(axis=0))
     size = APART * float(np.ptp(rights[0][:, s.acted]))
     apart = []
+    certain = []
     for a, state in zip(*np.nonzero(np.broadcast_to(s.acted, learned.shape)), strict=True):
         row = s.row(s.P, a, state)
         outcomes = list(s.R[a, state] + s.gamma * V[row > 0])
@@ -329,8 +334,12 @@ def _one_outcome(s: Dynamics, acts: Behaviour, learned: Array, rights: Sequence[
         if np.ptp(outcomes) > size:
             nearest = np.abs(np.array(outcomes) - learned[a, state]).min()
             apart.append(min(1.0, nearest / (np.ptp(outcomes) / 2)))
+        else:
+            certain.append(abs(np.mean(outcomes) - learned[a, state]))
     if not apart:
         return None
+    if certain and float(np.mean(certain)) > size:
+        return Fit(1.0, len(apart))
     return Fit(float(np.sqrt(np.mean(np.square(apart)))), len(apart))
 
 

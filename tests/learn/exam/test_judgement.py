@@ -31,12 +31,16 @@ def names(*tasks: Distances, seeds: int = 5, values: int = 4) -> tuple[str, ...]
         ((), [FITS, FITS, {"right": 0.3, "limit is an end": 0.9}]),  # one where neither explains, and it is far worse
         ((), [FITS, {"right": 0.9, "limit is an end": 0.7}]),  # as many are unfinished
         ((), [FITS, {"right": 0.6}]),  # where it makes no difference, values are wrong
+        ((), [{"right": 1.0, "one outcome": 0.0}, {"right": 0.6}]),
+        (("one outcome",), [{"right": 1.0, "one outcome": 0.0}, TELLS_NOTHING]),
         ((), [{"right": 0.3, "limit is an end": 0.18}]),  # it is merely nearer
         (("limit is an end", "mask late"), [{**FITS, "mask late": 0.08}]),  # a tie
         (("limit is an end",), [{**FITS, "mask late": 0.08}, {**FITS, "mask late": 0.9}]),
         (("limit is an end",), [*[HALF] * 2, *[TELLS_NOTHING] * 4, {"right": 0.7, "undiscounted": 0.3}]),  # no tie: too far
         (("limit is an end",), [{**FITS, "grows": 0.0}]),  # vague, and not said beside another
         (("grows",), [{"right": 1.0, "grows": 0.0}]),
+        (("another discount",), [{"right": 1.0, "immediate reward": 0.15, "another discount": 0.0}] * 2),  # nearer by far
+        (("immediate reward",), [{"right": 1.0, "immediate reward": 0.02, "another discount": 0.0}] * 2),
         ((), [{**FITS, "mask late": 0.05, "mask early": 0.05, "all states": 0.05}]),  # too many ties
         (("on policy",), [{"right": 0.3, "on policy": 0.05, "limit is an end": 0.02}]),  # what is right explains it
         ((), [{"right": 0.4, "until the limit": 0.3}]),
