@@ -15,7 +15,7 @@ from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import demonstrations
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import EXPLORATIONS, Behaviour, Dynamics, EpsilonGreedy, dynamics_of
-from taskspec.learn.exam.fingerprints import is_read
+from taskspec.learn.exam.learned_values import is_read
 from taskspec.learn.exam.operators import APART, OPERATORS
 from taskspec.learn.exam.pairings import PAIRINGS, shown_of
 from taskspec.learn.exam.starc import REWARDS, RewardMdp, half_distance

@@ -16,7 +16,7 @@ from taskspec.exact.scores.returns import Results
 from taskspec.language.task.task import Task
 from taskspec.learn.exam.asked_tasks import tasks_of
 from taskspec.learn.exam.dynamics import dynamics_of
-from taskspec.learn.exam.fingerprints import is_read
+from taskspec.learn.exam.learned_values import is_read
 from taskspec.learn.exam.operators import GOOD, OPERATORS
 from taskspec.learn.exam.ways import greedy_ways
 

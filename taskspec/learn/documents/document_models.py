@@ -192,6 +192,10 @@ class DiagnosisEntry(Strict):
     source: Source = Field(description="Where this is known from.")
     unless: list[str] = listed("Diagnoses that say more: where one of them holds, this one is not told.")
     alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
+    place: bool = Field(
+        False,
+        description="It says where to look: it is told where no mistake is named, and no diagnosis but such ones holds.",
+    )
     mistakes: list[str] = listed(
         "Mistakes that it stands for: where learned values are known, and none of these explains them, it is not told."
     )

@@ -38,6 +38,12 @@ _ROWS: tuple[tuple[str, str, Statistic, str], ...] = (
     ("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
     ("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
     ("explained", "explained", "mean", "How much a critic explains of the values of its policy: 1 all, 0 or less nothing."),
+    ("spent", "spent", "mean", "Share of the budget of steps that was taken."),
+    ("tried", "tried", "mean", "Share of actions that were tried in training, where there was time to."),
+    ("agrees", "agrees", "mean", "Share of the last training steps whose usual action is that of the policy."),
+    ("at_ends", "at_ends", "mean", "Error of learned values of steps that end the episode: they should be rewards."),
+    ("before_ends", "before_ends", "mean", "Error of steps that go on, from rewards and values of what follows."),
+    ("left", "left", "mean", "Share of both that training of four times the steps leaves, where that was tried."),
     ("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
 )  # fmt: skip
 NUMBERS: dict[str, OverSeeds] = {}
@@ -64,6 +70,7 @@ SIDES: dict[str, str] = {
     "printed": "the task as printed; the default",
     "twin": "its twins: states renamed, actions permuted, or a symmetry of the task; mean over all of them",
     "negated": "the task as printed, with the reward that is withheld negated",
+    "extended": "the task as printed, trained four times as long, which is done where values may not be finished",
 }
 
 FUNCTIONS: dict[str, tuple[int, int, str]] = {

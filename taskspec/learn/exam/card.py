@@ -239,9 +239,12 @@ def _nearest_with_advice(exam: Mapping[str, Any]) -> str:
 
 
 def nearest(diagnosis: Mapping[str, Any]) -> str:
-    """Return the message of a diagnosis as the nearest of the known mistakes; others may have the same scores."""
+    """Return the message of a diagnosis as the nearest known mistake, or as a place; others may have the same scores."""
     message = diagnosis["message"]
-    return f"nearest known mistake: {message[0].lower()}{message[1:]}"
+    kind = "nearest known mistake"
+    if diagnosis.get("place"):
+        kind = "where to look"
+    return f"{kind}: {message[0].lower()}{message[1:]}"
 
 
 def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: int) -> tuple[str, str]:

@@ -15,6 +15,7 @@ from taskspec.base.diagnostics import TaskspecError
 from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import Demonstrations, demonstrations
 from taskspec.learn.data.preferences import WORDS, Teacher, return_ends
+from taskspec.learn.exam.behaviour import TrainingBehaviour
 from taskspec.learn.exam.curves import EpisodeReturns, TrainingReturns
 from taskspec.learn.exam.metered import Metered
 
@@ -237,6 +238,8 @@ class Case:
         """Policies, one for each seed, that the learner showed on its way, with the steps that it had taken."""
         self.training = TrainingReturns(terms.steps)
         """Returns, by the true reward, of the episodes in which the learner learned."""
+        self.behaviour = TrainingBehaviour(task, terms.steps)
+        """The actions that the learner took."""
 
     @property
     def seed(self) -> int:
@@ -280,6 +283,21 @@ class Case:
         if len(self.seeds) > 1:
             return []
         return self.training.points
+
+    def behaviour_of(self, i: int) -> TrainingBehaviour | None:
+        """Look up the actions that a seed took.
+
+        Args:
+            i: number of the seed in the block.
+
+        Returns:
+            counts; None where seeds share their environments.
+        """
+        if "each" in vars(self):
+            return self.each[i].behaviour
+        if len(self.seeds) > 1:
+            return None
+        return self.behaviour
 
     def shown_to(self, i: int) -> Demonstrations | None:
         """Look up the demonstrations that a seed has used.
@@ -461,6 +479,7 @@ class _Meter:
         self.case.count(steps)
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
+        self.case.behaviour.add(self.case.spent.steps, before, actions)
         if "preferences" in self.case.learns_from:
             self.case._oracle.keep(before, actions, after, rewards)
         if "reward" in self.case.learns_from:

@@ -226,8 +226,8 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         suite: name or folder; one without an `exam.yaml` has no diagnoses.
 
     Returns:
-        For each: `name`, `message`, `cause`, `try`, `source`, the `tasks` that it rests on (ids), and the `evidence`,
-        comparisons with their intervals.
+        For each: `name`, `message`, `cause`, `try`, `source`, the `tasks` that it rests on (ids), the `evidence`, comparisons
+        with their intervals, and whether it says the `place` alone.
 
     Raises:
         SpecError: for mistakes in the suite's file.
@@ -245,8 +245,11 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
             alone.add(rule.name)
     if holding & alone:
         holding &= alone
-    explained = [each.names for each in explanations(exam["scores"]) if each.kind == "values"]
+    known = list(explanations(exam["scores"]))
+    explained = [each.names for each in known if each.kind == "values"]
+    is_named = any(each.is_mistake for each in known)
     diagnoses: list[Diagnosis] = []
+    places: list[Diagnosis] = []
     for rule in book.rules:
         entry = rule.entry
         if not isinstance(entry, DiagnosisEntry) or rule.name not in holding:
@@ -256,13 +259,16 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         if not holding & set(entry.unless) and not is_contradicted:
             evidence = truths[rule.name].evidence
             tasks = dict.fromkeys(itertools.chain.from_iterable(each.tasks for each in evidence))
-            diagnoses.append({
+            told = places if entry.place else diagnoses
+            told.append({
                 "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
                 "source": _cited(entry, book.references),
                 "tasks": [scores.ids[task] for task in tasks if task in scores.ids],
-                "evidence": [str(each) for each in evidence],
+                "evidence": [str(each) for each in evidence], "place": entry.place,
             })  # fmt: skip
-    return diagnoses
+    if diagnoses or is_named:
+        return diagnoses
+    return places
 
 
 def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosis]:

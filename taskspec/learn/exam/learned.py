@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
@@ -16,14 +16,16 @@ from taskspec.exact.policies.python_files import plain
 from taskspec.exact.policies.values import are_probabilities, is_table
 from taskspec.language.task.task import Task
 from taskspec.learn.data.episodes import Demonstrations
-from taskspec.learn.exam.fingerprints import explained, fingerprint, first_value, is_read
+from taskspec.learn.exam.behaviour import TrainingBehaviour
+from taskspec.learn.exam.fingerprints import fits_of
 from taskspec.learn.exam.judgement import Judgement, Run, judged
+from taskspec.learn.exam.learned_values import LearnedValues, is_read
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
 from taskspec.learn.exam.results import Flag, Score
 from taskspec.learn.exam.starc import reward_fields
-from taskspec.learn.observed_policies import observed_probabilities
+from taskspec.learn.observed_policies import observation_rows, observed_probabilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +55,22 @@ NO_DISCOUNT = "the learner's discount is not known: return `Learned(policy, disc
 
 
 def learned_fields(
-    task: Task, learned: Any, sees_reward: bool, demonstrations: Demonstrations | None = None
-) -> dict[str, Any]:
+    task: Task, learned: Any, sees_reward: bool, demonstrations: Demonstrations | None = None,
+    behaviour: TrainingBehaviour | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Return what is known of learned rewards, values and policies, as fields of a result.
 
     Args:
         learned: what the learner returned.
         sees_reward: whether it was granted the reward; else its values are not those of the true one.
         demonstrations: that it used; its policy is compared with them where it has nothing else to learn from.
+        behaviour: the actions that it took.
     """
     fields: dict[str, Any] = {}
+    counts = None
+    if behaviour is not None:
+        fields |= _behaviour_fields(task, learned, behaviour)
+        counts = behaviour.total
     if demonstrations is not None and not sees_reward:
         policy = learned
         if isinstance(learned, Learned):
@@ -70,23 +78,43 @@ def learned_fields(
         fields["pairings"] = pairing_distances(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         fields |= reward_fields(task, learned.reward)
-    values = {}
     if sees_reward:
-        values = learned_values(task, learned)
+        fields |= _value_fields(task, learned, counts)
+    return fields
+
+
+def _value_fields(task: Task, learned: Any, counts: Array | None) -> dict[str, Any]:
+    values = learned_values(task, learned)
+    fields: dict[str, Any] = {}
     if not values:
         return fields
-    was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
     if values.get("discount") is None and task.discount == 1 and is_read(task):
         fields["unread"] = NO_DISCOUNT
     try:
-        fits = fingerprint(task, **values)
+        known = LearnedValues(task, **values)
+        fits = fits_of(known)
         fields["operators"] = {name: fit.distance for name, fit in fits.items()}
         fields["told"] = {name: fit.values for name, fit in fits.items()}
-        fields["value"] = first_value(task, **values)
-        fields["explained"] = explained(task, **values)
+        fields["value"] = known.of_first_states
+        fields["explained"] = known.explained
+        if counts is not None:
+            fields["at_ends"], fields["before_ends"] = known.step_errors(counts)
     except SpecError as error:
+        was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
         if was_given and set(error.codes) != {"E712"}:
             raise
+    return fields
+
+
+def _behaviour_fields(task: Task, learned: Any, behaviour: TrainingBehaviour) -> dict[str, Any]:
+    fields: dict[str, Any] = {"tried": behaviour.tried, "agrees": None}
+    if behaviour.counts is not None:
+        policy = learned
+        if isinstance(learned, Learned):
+            policy = learned.policy
+        rows = observation_rows(task, policy)
+        if rows is not None:
+            fields["agrees"] = behaviour.agreement(rows)
     return fields
 
 
@@ -234,6 +262,51 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
             explanation = replace(explanation, names=("constant",))  # others are constant, too, where they are as near
         farthest = max(runs, key=lambda run: run.distances[good[0]])
         yield Explanation(kind, explanation, farthest.task)
+
+
+WRONG_AT_ENDS, WRONG_BEFORE = 0.2, 0.15
+"""The errors of values of steps that end an episode, and of those that go on, from which they are wrong, or not finished."""
+DOUBTFUL = 3
+"""Tasks that are trained longer to see which, at most."""
+
+
+def unfinished(scores: Sequence[Score]) -> list[str]:
+    """Return the tasks with errors of learned values: longer training shows whether they are finished.
+
+    None where a known mistake explains them.
+    """
+    if any(each.is_mistake for each in explanations(scores)):
+        return []
+    errors: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for score in scores:
+        at_ends = score.get("at_ends")
+        if at_ends is not None and score["peek"] is None and score["twin"] is None:
+            errors[score["task"]].append((at_ends, score.get("before_ends") or 0.0))
+    wrong = {}
+    for task, each in errors.items():
+        at_ends, before_ends = np.mean(each, axis=0)
+        if at_ends > WRONG_AT_ENDS or before_ends > WRONG_BEFORE:
+            wrong[task] = at_ends + before_ends
+    return sorted(wrong, key=lambda task: -wrong[task])[:DOUBTFUL]
+
+
+def compare_with_extended(scores: Sequence[Score]) -> None:
+    """Add the share of the errors that longer training leaves, to the scores of the same task and seed."""
+    extended = {}
+    for score in scores:
+        if score["peek"] == "extended":
+            extended[score["task"], score["seed"]] = score
+    for score in scores:
+        later = extended.get((score["task"], score["seed"]))
+        if later is None or score["peek"] is not None or score["twin"] is not None:
+            continue
+        before = _errors(score)
+        if before > 0 and later["steps"] >= 2 * score["steps"]:
+            score["left"] = _errors(later) / before
+
+
+def _errors(score: Score) -> float:
+    return (score.get("at_ends") or 0.0) + (score.get("before_ends") or 0.0)
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:

@@ -41,18 +41,24 @@ Score = TypedDict(
         "pairings": NotRequired[dict[str, float] | None],
         "told": NotRequired[dict[str, int] | None], "unread": NotRequired[str | None],
         "value": NotRequired[float | None], "explained": NotRequired[float | None], "longer": NotRequired[float | None],
-        "reseeded": NotRequired[float | None],
+        "reseeded": NotRequired[float | None], "tried": NotRequired[float | None], "agrees": NotRequired[float | None],
+        "at_ends": NotRequired[float | None], "before_ends": NotRequired[float | None], "left": NotRequired[float],
+        "spent": NotRequired[float],
     },
 )  # fmt: skip
-"""One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`peek`); 0 is random, 1 the
-expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc`
-the distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the
-distances of learned values from the fixed points of Bellman operators (`fingerprints`), `told` how many values tell each of
-them from right ones, `unread` why they are not compared; `rewards` those of a learned reward from known ones (`starc`),
-`pairings` those of a policy from what was demonstrated (`pairings`). `value` is the learned value of the first states, in
-units of the expert's return less that of random actions, `explained` how much a critic explains of the values of its policy,
-`longer` the score on a longer horizon, `reseeded` the share of resets with a seed that was given before. Points of the `curve`
-are policies that the learner showed, else means of its training episodes."""
+"""One seed on a task (`twin` None), on a twin of it (its modifiers), or (`peek`) with the reward negated, or trained for longer
+("extended"); 0 is random, 1 the expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated,
+0 where it is exact; `starc` the distance of a learned reward to the true one, `reward_regret` the score lost by optimising it.
+`operators` are the distances of learned values from the fixed points of Bellman operators (`fingerprints`), `told` how many
+values tell each of them from right ones, `unread` why they are not compared; `rewards` those of a learned reward from known ones
+(`starc`), `pairings` those of a policy from what was demonstrated (`pairings`). `value` is the learned value of the first states,
+in units of the expert's return less that of random actions, `explained` how much a critic explains of the values of its policy,
+`longer` the score on a longer horizon, `reseeded` the share of resets with a seed that was given before.
+
+`spent` is the share of the budget of steps that was taken, `tried` of actions that were tried, `agrees` of the last steps whose
+usual action is what the policy does; `at_ends` and `before_ends` are errors of learned values, of steps that end the episode and
+of those that go on, `left` the share of both that longer training leaves. Points of the `curve` are policies that the
+learner showed, else means of its training episodes."""
 
 
 class Examined(TypedDict):
@@ -121,9 +127,10 @@ Diagnosis = TypedDict(
     "Diagnosis",
     {
         "name": str, "message": str, "cause": str, "try": str, "source": str, "tasks": list[str], "evidence": list[str],
+        "place": NotRequired[bool],
     },
 )  # fmt: skip
-"""The usual meaning of a pattern of scores: see `taskspec.learn.exam.findings.diagnose`."""
+"""The usual meaning of a pattern of scores, or the place of a mistake: see `taskspec.learn.exam.findings.diagnose`."""
 
 
 class LawScore(TypedDict):

@@ -194,7 +194,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             if trial.is_compared:
                 for i, policy in enumerate(policies):
                     sees_reward = "reward" in case.terms.learns_from
-                    rows[i] |= learned_fields(results.task, policy, sees_reward, case.shown_to(i))
+                    rows[i] |= learned_fields(results.task, policy, sees_reward, case.shown_to(i), case.behaviour_of(i))
             _add_curves(rows, case, results)
             if trial.longer is not None:
                 _add_longer(rows, policies, trial)

@@ -14,7 +14,8 @@ from taskspec.learn.documents.document_models import Experiment
 from taskspec.learn.exam import report
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.comparison import compare
-from taskspec.learn.exam.examining import PRINTED, examine
+from taskspec.learn.exam.examining import examine
+from taskspec.learn.exam.plan import PRINTED
 from taskspec.learn.exam.results import NAME, Exam, folder_name
 from taskspec.learn.exam.verdicts import by_seed, mean_score
 from taskspec.learn.experiments.experiment_file import ExperimentFile

@@ -178,7 +178,7 @@ def mistakes(text: str, folder: Path) -> list[tuple[str, str, str | None]]:
         ("score(ProcGol) > 0.9", "E302", 17, "did you mean 'ProcGoal'?"),
         ("scor(Sort) > 0.9", "E303", 11, "did you mean 'score'?"),
         ("score(Sort) > 0.9 and score(Sort, twins) > 0", "E302", 45, "did you mean 'twin'?"),
-        ("score(Sort, twin, 3) > 0", "E304", 11, "behind them may stand printed, twin, negated"),
+        ("score(Sort, twin, 3) > 0", "E304", 11, "behind them may stand printed, twin, negated, extended"),
         ("score(Sort)", "E306", 11, "for example `score(task) > 0.9`"),
         ("Sort > 0.9", "E306", 11, "for example `score(Sort)`"),
         ("score(Sort) >", "E301", 23, None),

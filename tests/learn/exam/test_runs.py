@@ -16,7 +16,7 @@ import pytest
 from taskspec.base import limits
 from taskspec.base.limits import progress_listener
 from taskspec.exam import Running, examine
-from taskspec.learn.exam.examining import PRINTED
+from taskspec.learn.exam.plan import PRINTED
 from tests.learn.learners import counting
 from tests.shared.commands import Done
 from tests.shared.exams import column, flags
@@ -187,7 +187,7 @@ def test_results_of_other_versions_limits_and_episodes_are_not_reused(
         changed.setattr("taskspec.learn.exam.trial.__version__", "0.0.0")
         assert anew(exam) == 2
     with monkeypatch.context() as changed:
-        changed.setattr("taskspec.learn.exam.examining.EPISODES", 7)
+        changed.setattr("taskspec.learn.exam.plan.EPISODES", 7)
         assert anew(exam) == 2
 
 

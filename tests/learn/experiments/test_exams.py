@@ -13,7 +13,7 @@ from taskspec.exam import examine
 from taskspec.experiments import expand, read
 from taskspec.language import registry
 from taskspec.learn.documents.document_models import Experiment
-from taskspec.learn.exam.examining import STEPS
+from taskspec.learn.exam.plan import STEPS
 from taskspec.learn.exam.trial import SEEDS
 from taskspec.learn.learners import BUILT_IN
 from tests.learn.learners import counting
