@@ -145,9 +145,9 @@ class _Pooled:
 
     @staticmethod
     def needs_others(name: str) -> bool:
-        """Return whether values have to be right on tasks of which a mistake says nothing.
+        """Return whether values have to be right on tasks where a mistake says nothing.
 
-        A pattern may say nothing of values that have it; one that is of random outcomes says nothing where there are none.
+        A pattern may say nothing about values that have it; one of random outcomes says nothing where there are none.
         """
         operator = OPERATORS.get(name)
         return operator is None or operator.recognise is None or operator.varies

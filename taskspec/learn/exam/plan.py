@@ -90,7 +90,7 @@ class Trials:
 
     @property
     def asks_for_longer(self) -> bool:
-        """Whether a diagnosis of some suite rests on longer training."""
+        """True where a diagnosis of some suite rests on longer training."""
         documents = self.described.values()
         return any("left(" in entry.when for document in documents for entry in document.diagnoses.values())
 

@@ -113,7 +113,7 @@ def _unseen(known: Results) -> str:
                 names = f"wrongly: {names}"
             counts["flagged"] += bool(said["flags"])
             flagged = "yes" if said["flags"] else "no"
-            rows.append((TITLES[mistake.learner], mistake.what, flagged, names))
+            rows.append((TITLES.get(mistake.learner, "A2C over tables"), mistake.what, flagged, names))
     summary = (
         f"Of {examined}, {counts['flagged']} are flagged, {counts['rightly']} named rightly, "
         f"{counts['wrongly']} wrongly, and {examined - counts['rightly'] - counts['wrongly']} not."
