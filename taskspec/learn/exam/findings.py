@@ -259,13 +259,16 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         if not holding & set(entry.unless) and not is_contradicted:
             evidence = truths[rule.name].evidence
             tasks = dict.fromkeys(itertools.chain.from_iterable(each.tasks for each in evidence))
-            told = places if entry.place else diagnoses
-            told.append({
+            diagnosis: Diagnosis = {
                 "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
                 "source": _cited(entry, book.references),
                 "tasks": [scores.ids[task] for task in tasks if task in scores.ids],
-                "evidence": [str(each) for each in evidence], "place": entry.place,
-            })  # fmt: skip
+                "evidence": [str(each) for each in evidence],
+            }  # fmt: skip
+            if entry.place:
+                places.append(diagnosis | {"place": True})
+            else:
+                diagnoses.append(diagnosis)
     if diagnoses or is_named:
         return diagnoses
     return places
