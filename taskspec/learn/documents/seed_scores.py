@@ -18,7 +18,7 @@ _VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
 
 
 def side(score: Mapping[str, Any]) -> str:
-    """Return the side of a task that a score belongs to: "printed", "twin", or what is tried for peeking."""
+    """Return the side of a task that a score belongs to: "printed", "twin", or what else was tried."""
     if score["peek"]:
         return str(score["peek"])
     if score["twin"] is None:
@@ -90,8 +90,11 @@ class SeedScores:
         by_seed = seed_means(records, lambda record: record.get(entry))
         if not by_seed:
             of = f"{learner} on " * bool(learner)
-            sides = {"printed": task, "twin": f"twins of {task}"}
-            raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
+            sides = {
+                "printed": task, "twin": f"twins of {task}", "negated": f"{task} with the reward negated",
+                "extended": f"{task} with longer training",
+            }  # fmt: skip
+            raise Undecidable(f"there are no results of {of}{sides[side]}")
         array = np.array(list(by_seed.values()))
         if entry in ("deterministic", "stochastic") and self.floor is not None:
             array = np.maximum(array, self.floor)

@@ -264,8 +264,8 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
         yield Explanation(kind, explanation, farthest.task)
 
 
-WRONG_AT_ENDS, WRONG_BEFORE = 0.2, 0.15
-"""The errors of values of steps that end an episode, and of those that go on, from which they are wrong, or not finished."""
+SMALL = 0.15
+"""Errors of learned values that are too small for any diagnosis."""
 DOUBTFUL = 3
 """Tasks that are trained longer to see which, at most."""
 
@@ -285,7 +285,7 @@ def unfinished(scores: Sequence[Score]) -> list[str]:
     wrong = {}
     for task, each in errors.items():
         at_ends, before_ends = np.mean(each, axis=0)
-        if at_ends > WRONG_AT_ENDS or before_ends > WRONG_BEFORE:
+        if max(at_ends, before_ends) > SMALL:
             wrong[task] = at_ends + before_ends
     return sorted(wrong, key=lambda task: -wrong[task])[:DOUBTFUL]
 
