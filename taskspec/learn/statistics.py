@@ -11,7 +11,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, Literal, TypeVar
@@ -66,6 +66,7 @@ class Estimate:
 
     value: float
     draws: Array
+    _intervals: dict[float, tuple[float, float]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def exactly(cls, value: float) -> Estimate:
@@ -83,11 +84,14 @@ class Estimate:
 
     def interval_at(self, confidence: float) -> tuple[float, float]:
         """Return the interval of another confidence."""
-        if np.isnan(self.draws).any():
-            return -np.inf, np.inf
-        tail = 50 * (1 - confidence)
-        low, high = np.percentile(self.draws, [tail, 100 - tail])
-        return round(float(low), DIGITS), round(float(high), DIGITS)
+        if confidence not in self._intervals:
+            low = -np.inf
+            high = np.inf
+            if not np.isnan(self.draws).any():
+                tail = 50 * (1 - confidence)
+                low, high = np.percentile(self.draws, [tail, 100 - tail])
+            self._intervals[confidence] = round(float(low), DIGITS), round(float(high), DIGITS)
+        return self._intervals[confidence]
 
     def map(self, change: Callable[..., Any], *others: Estimate) -> Estimate:
         """Return a function of this and other estimates, applied to each draw."""

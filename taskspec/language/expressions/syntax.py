@@ -1,13 +1,14 @@
 """Surface syntax: expressions as the author wrote them, every node with its place in the file.
 
 A closed set of nodes, in the notation of the language (parameters by name, primes, labels, piecewise values). The
-checker turns them into the typed core of `lang.ir`; the printers turn them back into text and mathematics.
+checker turns them into the typed core of `ir`; the printers turn them back into text and mathematics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any
 
 from taskspec.base.diagnostics import Span
@@ -266,9 +267,17 @@ def below(root: Any) -> Iterator[Any]:
         node = stack.pop()
         if isinstance(node, tuple):
             stack.extend(reversed(node))
-        elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Place):
+        elif fields_of := _fields_of(type(node)):
             yield node
-            stack.extend(reversed([getattr(node, f.name) for f in fields(node)]))
+            stack.extend(getattr(node, name) for name in fields_of)
+
+
+@cache
+def _fields_of(kind: type) -> tuple[str, ...]:
+    """Return the names of the fields of a kind of node, the last one first; nothing has any but nodes."""
+    if not is_dataclass(kind) or issubclass(kind, Place):
+        return ()
+    return tuple(f.name for f in reversed(fields(kind)))
 
 
 def parts(expr: Expr | Slice) -> Iterator[Expr | Slice]:

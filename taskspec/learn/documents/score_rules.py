@@ -221,8 +221,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         low, high = difference.interval
         comparison = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
         self.made.append(comparison)
-        eased = difference.map(np.add, Estimate.exactly(self._slack(op, (left, right))))
-        return Truth(self._holds(op, eased), (comparison,))
+        slack = self._slack(op, (left, right))
+        if slack != 0:
+            difference = difference.map(np.add, Estimate.exactly(slack))
+        return Truth(self._holds(op, difference), (comparison,))
 
     def _holds(self, op: str, difference: Estimate) -> bool | None:
         ends: list[Any] = list(difference.interval_at(self.confidence))
@@ -346,10 +348,13 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
         comprehension = expr.args[0]
         for inner in self._chosen(comprehension.clauses):
-            tasks, learners = inner._subjects((comprehension.element,))
-            unable = chain(*(self.unable.get(learner, ()) for learner in learners))
-            if set(tasks).isdisjoint(unable):
+            if not (self.unable and inner._is_about_unable(comprehension.element)):
                 yield inner.truth(comprehension.element)
+
+    def _is_about_unable(self, condition: s.Expr) -> bool:
+        tasks, learners = self._subjects((condition,))
+        unable = chain(*(self.unable.get(learner, ()) for learner in learners))
+        return not set(tasks).isdisjoint(unable)
 
     def _chosen(self, clauses: Sequence[s.Clause]) -> Iterator[ScoreEvaluator]:
         if not clauses:

@@ -309,20 +309,18 @@ def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
         return []
     book = read_exam(path)
     scores = SeedScores({ONE: exam}, same=book.same)
-    truths = _truths(book, scores)
-    at_means = _truths(book, scores, of_means=True)
-    names = []
-    for rule in book.rules:
-        evidence = truths[rule.name].evidence
-        is_open = truths[rule.name].holds is None and at_means[rule.name].holds
-        if is_open and isinstance(rule.entry, DiagnosisEntry) and all(math.isfinite(each.margin) for each in evidence):
-            nearest = min(evidence, key=lambda each: each.margin)
-            names.append(f"{rule.entry.message} ({nearest})")
-    return names
+    at_means = ScoreEvaluator(scores, book.names, of_means=True)
+    messages = []
+    for rule, truth in zip(book.rules, _truths(book, scores).values(), strict=True):
+        is_open = truth.holds is None and all(math.isfinite(each.margin) for each in truth.evidence)
+        if isinstance(rule.entry, DiagnosisEntry) and is_open and at_means.truth(rule.condition).holds:
+            nearest = min(truth.evidence, key=lambda each: each.margin)
+            messages.append(f"{rule.entry.message} ({nearest})")
+    return messages
 
 
-def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[str, Truth[Comparison]]:
-    evaluator = ScoreEvaluator(scores, book.names, of_means=of_means)
+def _truths(book: RuleBook, scores: SeedScores) -> dict[str, Truth[Comparison]]:
+    evaluator = ScoreEvaluator(scores, book.names)
     return {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
 
 
