@@ -14,6 +14,7 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.named import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import Domain, Kind
 from taskspec.language.task.legal import action_mask
 from taskspec.language.task.parts import Component, RenderMode, are_finite
@@ -21,8 +22,6 @@ from taskspec.language.task.spaces import single, space
 from taskspec.language.task.task import Task
 
 # -- reading and setting the state --------------------------------------------------------------------------------
-
-_DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
 
 def plain_state(task: Task, values: tuple[Any, ...]) -> dict[str, Any]:
@@ -32,7 +31,7 @@ def plain_state(task: Task, values: tuple[Any, ...]) -> dict[str, Any]:
 
 def _plain(c: Component, value: Any) -> Any:
     if c.type.shape:
-        return np.array(value, _DTYPES[c.type.kind]).reshape(c.type.shape)
+        return np.array(value, DTYPES[c.type.kind]).reshape(c.type.shape)
     if c.domain is not None:
         return c.domain.labels[value]
     return {Kind.BOOL: bool, Kind.INT: int, Kind.REAL: float}[c.type.kind](value)

@@ -14,6 +14,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
 from taskspec.base.limits import tell
 from taskspec.language import draws
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.ir import children, plain, walk
 from taskspec.language.expressions.types import Kind, total_size
 from taskspec.language.task.parts import are_finite
@@ -22,7 +23,7 @@ from taskspec.language.task.task import Task
 from taskspec.programs import backend_table
 from taskspec.programs.reference import Flat, ReferenceProgram
 from taskspec.programs.scalar import Clock, compile_scalar
-from taskspec.programs.vector_program import DTYPES, Masks, Options
+from taskspec.programs.vector_program import Masks, Options
 
 EVERY = ("scalar", *backend_table.BACKENDS)
 """The scalar program, and the programs of all vector backends."""

@@ -14,13 +14,12 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.types import Kind
 from taskspec.language.task.legal import action_mask
 from taskspec.language.task.parts import are_finite, counts_of
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
-
-DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
 
 @dataclass(frozen=True)

@@ -146,10 +146,7 @@ def uniform(c: Component, lanes: int, rng: np.random.Generator) -> Array:
     values: Array = np.array(rows).reshape(*c.type.shape, lanes)
     if c.type.kind is Kind.REAL:
         return values
-    return np.asarray(np.rint(values).astype(_DTYPES[c.type.kind]))
-
-
-_DTYPES = {Kind.BOOL: np.bool_, Kind.INT: np.int64}
+    return np.asarray(np.rint(values).astype(DTYPES[c.type.kind]))
 
 
 def by_expert(task: Task) -> Choose:

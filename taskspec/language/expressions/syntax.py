@@ -7,8 +7,7 @@ checker turns them into the typed core of `ir`; the printers turn them back into
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
+from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import Span
@@ -267,23 +266,13 @@ def below(root: Any) -> Iterator[Any]:
         node = stack.pop()
         if isinstance(node, tuple):
             stack.extend(reversed(node))
-        elif fields_of := _fields_of(type(node)):
+        elif hasattr(node, "__match_args__") and not isinstance(node, Place):
             yield node
-            stack.extend(getattr(node, name) for name in fields_of)
-
-
-@cache
-def _fields_of(kind: type) -> tuple[str, ...]:
-    """Return the names of the fields of a kind of node, the last one first; nothing has any but nodes."""
-    if not is_dataclass(kind) or issubclass(kind, Place):
-        return ()
-    return tuple(f.name for f in reversed(fields(kind)))
+            stack.extend(getattr(node, name) for name in reversed(node.__match_args__))
 
 
 def parts(expr: Expr | Slice) -> Iterator[Expr | Slice]:
-    rest: list[Any] = []
-    for f in reversed(fields(expr)):
-        rest.append(getattr(expr, f.name))
+    rest: list[Any] = [getattr(expr, name) for name in reversed(expr.__match_args__)]
     while rest:
         part = rest.pop()
         if isinstance(part, tuple):

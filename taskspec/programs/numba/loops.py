@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.language.expressions.batch import DTYPES
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.ir import Const, Draw, Node
 from taskspec.language.expressions.types import INT_MAX, TIME, Kind, Role, Type
@@ -21,7 +22,7 @@ from taskspec.programs.lowering import compared, word_names
 from taskspec.programs.numba.kernel import EVERYTHING, KernelLane
 from taskspec.programs.numba.memory import GAP, Field, Memory, row_names
 from taskspec.programs.numpy.step import never
-from taskspec.programs.vector_program import DTYPES, Mode
+from taskspec.programs.vector_program import Mode
 
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
