@@ -264,7 +264,7 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
         yield Explanation(kind, explanation, farthest.task)
 
 
-SMALL = 0.15
+SMALL = 0.1
 """Errors of learned values that are too small for any diagnosis."""
 DOUBTFUL = 3
 """Tasks that are trained longer to see which, at most."""
