@@ -43,7 +43,8 @@ _ROWS: tuple[tuple[str, str, Statistic, str], ...] = (
     ("agrees", "agrees", "mean", "Share of the last training steps whose usual action is that of the policy."),
     ("at_ends", "at_ends", "mean", "Error of learned values of steps that end the episode: they should be rewards."),
     ("before_ends", "before_ends", "mean", "Error of steps that go on, from rewards and values of what follows."),
-    ("left", "left", "lowest", "Share of both that four times the steps leave, where that was tried; of the seed with the least."),
+    ("left", "left", "lowest", "Share of both that four times the steps leave, of the seed with the least."),
+    ("moved", "moved", "mean", "How far learned values are from their first ones, as a share of the spread of right ones."),
     ("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
 )  # fmt: skip
 NUMBERS: dict[str, OverSeeds] = {}

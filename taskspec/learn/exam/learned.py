@@ -19,7 +19,7 @@ from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.exam.behaviour import TrainingBehaviour
 from taskspec.learn.exam.fingerprints import fits_of
 from taskspec.learn.exam.judgement import Judgement, Run, judged
-from taskspec.learn.exam.learned_values import LearnedValues, is_read
+from taskspec.learn.exam.learned_values import MOVED, LearnedValues, is_read
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
@@ -98,6 +98,7 @@ def _value_fields(task: Task, learned: Any, counts: Array | None) -> dict[str, A
         fields["value"] = known.of_first_states
         fields["explained"] = known.explained
         if counts is not None:
+            fields["moved"] = known.moved(counts)
             fields["at_ends"], fields["before_ends"] = known.step_errors(counts)
     except SpecError as error:
         was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
@@ -271,23 +272,26 @@ DOUBTFUL = 3
 
 
 def unfinished(scores: Sequence[Score]) -> list[str]:
-    """Return the tasks with errors of learned values: longer training shows whether they are finished.
+    """Return the tasks with errors of learned values, or with values that hardly move: longer training shows whether they stay.
 
     None where a known mistake explains them.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []
-    errors: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    errors: dict[str, list[float]] = defaultdict(list)
     for score in scores:
-        at_ends = score.get("at_ends")
-        if at_ends is not None and score["peek"] is None and score["twin"] is None:
-            errors[score["task"]].append((at_ends, score.get("before_ends") or 0.0))
-    wrong = {}
+        moved = score.get("moved")
+        if moved is None or score["peek"] is not None or score["twin"] is not None:
+            continue
+        error = max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0)
+        if moved < MOVED:
+            error = 1 - moved
+        errors[score["task"]].append(error)
+    doubtful = {}
     for task, each in errors.items():
-        at_ends, before_ends = np.mean(each, axis=0)
-        if max(at_ends, before_ends) > SMALL:
-            wrong[task] = at_ends + before_ends
-    return sorted(wrong, key=lambda task: -wrong[task])[:DOUBTFUL]
+        if np.mean(each) > SMALL:
+            doubtful[task] = np.mean(each)
+    return sorted(doubtful, key=lambda task: -doubtful[task])[:DOUBTFUL]
 
 
 def compare_with_extended(scores: Sequence[Score]) -> None:

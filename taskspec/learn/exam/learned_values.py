@@ -102,6 +102,17 @@ class LearnedValues:
             return None
         return 1 - float(np.sqrt(error / size))
 
+    def moved(self, counts: Array) -> float | None:
+        """Return how far values have moved from their first ones: root mean square, as a share of the spread of right values.
+
+        None where no step was taken often.
+
+        Args:
+            counts: float64 (O, A), how often each action was taken.
+        """
+        change = (self.learned - self.dynamics.initial) / self.spread
+        return finite(_size(change, self._taken_often(counts)))
+
     def step_errors(self, counts: Array) -> tuple[float | None, float | None]:
         """Return the errors of steps that end the episode for certain, and of those that go on for certain.
 
@@ -110,22 +121,20 @@ class LearnedValues:
         have hardly moved.
 
         Args:
-            counts: float64 (O, A), how often each action was taken.
+            counts: as of `moved`.
         """
         s = self.dynamics
-        taken = self._observed.read(counts, s.model.n_actions).T
         going_on = s.going_on
         paid = s.R
         if self.kind == "values":
-            taken = taken.sum(axis=0)
             going_on = self.behaviour.expected(going_on)
             paid = self.behaviour.expected(paid)
-        is_known = s.acted & (taken >= OFTEN)
+        is_known = self._taken_often(counts)
         is_end = is_known & (going_on < CERTAIN)
         goes_on = is_known & (going_on > 1 - CERTAIN)
         if not np.isfinite(self.learned).all():
             return None, None
-        if _size((self.learned - s.initial) / self.spread, is_known) < MOVED:
+        if (self.moved(counts) or 0.0) < MOVED:
             return None, None
         errors = []
         for following in self._following():
@@ -140,6 +149,12 @@ class LearnedValues:
         right = greedy_ways(self.task, self.dynamics.gamma, self.dynamics.initial)["right"][0].fixed_point
         known = right[:, self.dynamics.acted]
         return float(np.ptp(known)) or float(np.abs(known).max()) or 1.0
+
+    def _taken_often(self, counts: Array) -> Array:
+        taken = self._observed.read(counts, self.dynamics.model.n_actions).T
+        if self.kind == "values":
+            taken = taken.sum(axis=0)
+        return self.dynamics.acted & (taken >= OFTEN)
 
     def _following(self) -> list[Array]:
         """Return the value of what follows, (S,) for a critic, or (A, S) for several shares of random actions."""

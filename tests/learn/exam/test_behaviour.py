@@ -121,6 +121,15 @@ def test_values_that_are_not_finished_are_told_nothing() -> None:
     assert told(exam) == []
 
 
+def test_values_that_hardly_move_are_told() -> None:
+    def hardly(right: Array, case: Case) -> Array:
+        return right * np.random.default_rng(len(right)).permutation(len(right))[:, None] * 0.03
+
+    exam = examined(learner(q_values(hardly)))
+    assert max(numbers(exam, "moved")["Patience"]) < 0.2
+    assert told(exam) == ["unmoved"]
+
+
 def test_values_of_steps_that_were_hardly_taken_are_not_compared() -> None:
     exam = examined(learner(q_values(noisy)), steps=50)
     assert numbers(exam, "at_ends") == dict.fromkeys(TASKS, [None] * 3)
