@@ -48,6 +48,9 @@ def examined(
         request: of the fixture; its marker and the command line say what the test does not.
         learner: as `taskspec.learn.exam.examine` takes it.
         terms: what the test says, some of `TERMS`.
+
+    Returns:
+        The exam's results, with `passes()`, which fails the test where the learner does.
     """
     __tracebackhide__ = True
     marked: dict[str, Any] = {}

@@ -123,7 +123,12 @@ _KEYS = ("learner", "family", "settings")
 def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
     """Return a learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
 
-    A name may have its family in front: `paper/gail_im`.
+    Args:
+        source: its name, which may have its family in front, `paper/gail_im`; or a file.
+        family: of names without one.
+
+    Returns:
+        The learner with its settings; it trains when it is called with a case.
 
     Raises:
         SpecError: E710, E725 for a name that there is none of; E2xx for mistakes in the file, each with its place.

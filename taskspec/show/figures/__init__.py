@@ -208,7 +208,7 @@ def render_frame(
     size: tuple[int, int] = (640, 480),
     seen: Mapping[int, Mapping[str, Any]] | None = None,
 ) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """Return one state as a picture, (height, width, 3) of uint8; every task has one.
+    """Draw one state as a picture; every task has one.
 
     Args:
         task: the task.
@@ -216,6 +216,9 @@ def render_frame(
         title: lines of text above, such as the step.
         size: width and height in pixels, the same for all frames of an episode.
         seen: states of the episode by time, ending with this one; figures over time need them.
+
+    Returns:
+        Red, green and blue of each pixel, uint8 (height, width, 3).
     """
     task = load(task)
     over = Overlay(here=state, seen=seen or {})

@@ -60,6 +60,9 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
             some episode acts.
         model: that of the task, where it is known already.
 
+    Returns:
+        Values, actions and visits by code of a state; those that were not asked for are empty.
+
     Raises:
         SpecError: for another name (E713), or without an exact model (E712).
     """

@@ -52,7 +52,14 @@ class Setting:
 
 
 def gather(task: TaskLike | Report) -> Facts:
-    """Return scores and verdicts of a task; those of a report with claims are not worked out again."""
+    """Return scores and verdicts of a task.
+
+    Args:
+        task: or the report of a check, whose scores and verdicts are not worked out again.
+
+    Returns:
+        Returns, as far as they are known; the verdict on each claim; and the examples that are wrong.
+    """
     if isinstance(task, Report):
         return _facts(task.results, task.verdicts, task.coverage.wrong_examples)
     results = Results(load(task))

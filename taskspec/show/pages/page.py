@@ -65,6 +65,9 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
             them are worked out if `facts` are given. Names that the task has no parameter for are left out, and so are
             columns that come to the task's own values or to those of an earlier column.
 
+    Returns:
+        The sections in the order in which they are printed, each as a tree of formulas, tables and text.
+
     Raises:
         SpecError: (E703) for values that a parameter cannot have.
     """
