@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +15,7 @@ from taskspec.language.expressions.syntax import Expr
 from taskspec.learn.documents.document_models import DiagnosisEntry, FindingEntry, FindingsDocument
 from taskspec.learn.documents.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
 from taskspec.learn.documents.score_rules import Comparison, ScoreEvaluator
-from taskspec.learn.documents.seed_scores import ONE, SeedScores
+from taskspec.learn.documents.seed_scores import ONE, SeedScores, short_name
 from taskspec.learn.exam.changes import differs
 from taskspec.learn.exam.learned import explanations
 from taskspec.learn.exam.results import Diagnosis, Exam, Flag, finite
@@ -263,7 +263,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
                 "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
                 "source": _cited(entry, book.references),
                 "tasks": [scores.ids[task] for task in tasks if task in scores.ids],
-                "evidence": [str(each) for each in evidence],
+                "evidence": [*map(str, evidence), *_worst_steps(exam, evidence)],
             }  # fmt: skip
             if entry.place:
                 places.append(diagnosis | {"place": True})
@@ -272,6 +272,20 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     if diagnoses or is_named:
         return diagnoses
     return places
+
+
+def _worst_steps(exam: Mapping[str, Any], evidence: Iterable[Comparison]) -> list[str]:
+    """Return the step with the largest error of all tasks whose errors of learned values are evidence, in words; [] without."""
+    tasks = set(itertools.chain.from_iterable(each.tasks for each in evidence if "_ends(" in each.text))
+    worst = ""
+    largest = 0.0
+    for score in exam["scores"]:
+        error = max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0)
+        is_printed = score["peek"] is None and score["twin"] is None
+        if is_printed and short_name(score["task"]) in tasks and score.get("worst_step") and error > largest:
+            largest = error
+            worst = f"{short_name(score['task'])}, seed {score['seed']}: {score['worst_step']}"
+    return [worst] if worst else []
 
 
 def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosis]:

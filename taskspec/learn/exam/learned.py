@@ -19,7 +19,7 @@ from taskspec.learn.data.episodes import Demonstrations
 from taskspec.learn.exam.behaviour import TrainingBehaviour
 from taskspec.learn.exam.fingerprints import fits_of
 from taskspec.learn.exam.judgement import Judgement, Run, judged
-from taskspec.learn.exam.learned_values import MOVED, LearnedValues, is_read
+from taskspec.learn.exam.learned_values import MOVED, SMALL, LearnedValues, is_read
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
 from taskspec.learn.exam.pairings import pairing_distances
@@ -99,7 +99,8 @@ def _value_fields(task: Task, learned: Any, counts: Array | None) -> dict[str, A
         fields["explained"] = known.explained
         if counts is not None:
             fields["moved"] = known.moved(counts)
-            fields["at_ends"], fields["before_ends"] = known.step_errors(counts)
+            errors = known.step_errors(counts)
+            fields |= {"at_ends": errors.at_ends, "before_ends": errors.before_ends, "worst_step": errors.worst}
     except SpecError as error:
         was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
         if was_given and set(error.codes) != {"E712"}:
@@ -265,8 +266,6 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
         yield Explanation(kind, explanation, farthest.task)
 
 
-SMALL = 0.1
-"""Errors of learned values that are too small for any diagnosis."""
 DOUBTFUL = 3
 """Tasks that are trained longer to see which, at most."""
 
@@ -279,19 +278,15 @@ def unfinished(scores: Sequence[Score]) -> list[str]:
     if any(each.is_mistake for each in explanations(scores)):
         return []
     errors: dict[str, list[float]] = defaultdict(list)
+    moved: dict[str, list[float]] = defaultdict(list)
     for score in scores:
-        moved = score.get("moved")
-        if moved is None or score["peek"] is not None or score["twin"] is not None:
-            continue
-        error = max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0)
-        if moved < MOVED:
-            error = 1 - moved
-        errors[score["task"]].append(error)
-    doubtful = {}
-    for task, each in errors.items():
-        if np.mean(each) > SMALL:
-            doubtful[task] = np.mean(each)
-    return sorted(doubtful, key=lambda task: -doubtful[task])[:DOUBTFUL]
+        if score["peek"] is None and score["twin"] is None and score.get("moved") is not None:
+            errors[score["task"]].append(max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0))
+            moved[score["task"]].append(score["moved"] or 0.0)
+    mean_errors = {task: float(np.mean(each)) for task, each in errors.items()}
+    wrong = [task for task in errors if mean_errors[task] > SMALL]
+    unmoved = [task for task in moved if task not in wrong and np.mean(moved[task]) < MOVED]
+    return [*sorted(wrong, key=lambda task: -mean_errors[task]), *unmoved][:DOUBTFUL]
 
 
 def compare_with_extended(scores: Sequence[Score]) -> None:

@@ -5,7 +5,8 @@ The symbols of this file are in `taskspec.learn.exam.dynamics`.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -25,8 +26,25 @@ from taskspec.learn.exam.ways import greedy_ways, right_values
 CERTAIN = 1e-9
 MOVED = 0.25
 """The size of values that have moved, as a share of the spread of right ones."""
+SMALL = 0.1
+"""Errors of learned values that are too small for any diagnosis."""
 OFTEN = 100
 """Steps after which the value of an action should have been learned."""
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Errors of learned values, as shares of the spread of all right values.
+
+    Attributes:
+        at_ends: root mean square of steps that end the episode for certain: what was learned from the rewards.
+        before_ends: the same of steps that go on for certain: from rewards and what was learned of what follows.
+        worst: the step with the largest error, in words: one that ends the episode, unless those are right.
+    """
+
+    at_ends: float | None = None
+    before_ends: float | None = None
+    worst: str | None = None
 
 
 class LearnedValues:
@@ -113,15 +131,14 @@ class LearnedValues:
         change = (self.learned - self.dynamics.initial) / self.spread
         return finite(_size(change, self._taken_often(counts)))
 
-    def step_errors(self, counts: Array) -> tuple[float | None, float | None]:
-        """Return the errors of steps that end the episode for certain, and of those that go on for certain.
-
-        The first are those of what was learned from the rewards, the others from rewards and what was learned of what follows:
-        root mean squares, as shares of the spread of all right values. None where no such step was taken often, or values
-        have hardly moved.
+    def step_errors(self, counts: Array) -> StepErrors:
+        """Return how far values are from their targets, of steps that were taken often.
 
         Args:
             counts: as of `moved`.
+
+        Returns:
+            All None where no such step was taken often, or values have hardly moved.
         """
         s = self.dynamics
         going_on = s.going_on
@@ -130,18 +147,36 @@ class LearnedValues:
             going_on = self.behaviour.expected(going_on)
             paid = self.behaviour.expected(paid)
         is_known = self._taken_often(counts)
+        if not np.isfinite(self.learned).all() or (self.moved(counts) or 0.0) < MOVED:
+            return StepErrors()
+        errors = [self.learned - paid - s.gamma * following for following in self._following()]
+        error = min(errors, key=lambda each: _size(each, is_known))
         is_end = is_known & (going_on < CERTAIN)
         goes_on = is_known & (going_on > 1 - CERTAIN)
-        if not np.isfinite(self.learned).all():
-            return None, None
-        if (self.moved(counts) or 0.0) < MOVED:
-            return None, None
-        errors = []
-        for following in self._following():
-            error = (self.learned - paid - s.gamma * following) / self.spread
-            errors.append((_size(error, is_known), _size(error, is_end), _size(error, goes_on)))
-        _, at_ends, before_ends = min(errors)
-        return finite(at_ends), finite(before_ends)
+        at_ends = finite(_size(error, is_end) / self.spread)
+        before_ends = finite(_size(error, goes_on) / self.spread)
+        origin = "the reward alone, since the episode ends"
+        where = is_end
+        if (at_ends or 0.0) < SMALL:
+            origin = "the reward, and the learned value of what follows"
+            where = goes_on
+        if not where.any():
+            return StepErrors()
+        step = np.unravel_index(np.argmax(np.abs(error) * where), error.shape)
+        learned = float(self.learned[step])
+        return StepErrors(
+            at_ends,
+            before_ends,
+            f"{self._step_name(step)} is {learned:.2f}, its target {learned - error[step]:.2f}: {origin}",
+        )
+
+    def _step_name(self, step: Sequence[Any]) -> str:
+        """Return what has a value: a state of a critic, or an action in a state."""
+        *actions, state = map(int, step)
+        name = self.dynamics.model.state_name(state)
+        for action in actions:
+            name = f"{self.dynamics.model.action_name(action)} in {name}"
+        return f"the value of {name}"
 
     @property
     def spread(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
 
@@ -55,7 +56,7 @@ def examined(train: Callable[[Case], Any], steps: int = 2000) -> Exam:
 
 def numbers(exam: Exam, name: str) -> dict[str, list[Any]]:
     """Return a number of each seed, by task."""
-    by_task: dict[str, list[Any]] = {task: [] for task in TASKS}
+    by_task = defaultdict[str, list[Any]](list)
     for score in exam["scores"]:
         if score["peek"] is None:
             task = score["task"].removeprefix("probes/").removesuffix("-v0")
@@ -104,6 +105,8 @@ def noisy(right: Array, case: Case) -> Array:
 def test_values_that_stay_wrong_at_ends_are_told() -> None:
     exam = examined(learner(q_values(noisy)))
     left = numbers(exam, "left")
+    step = "Patience, seed 0: the value of a = take in s = "
+    assert step in " ".join(exam["diagnoses"][0]["evidence"])
     assert left["Patience"] == pytest.approx([1.0] * 3)
     assert told(exam) == ["wrong_at_ends"]
 
@@ -122,10 +125,24 @@ def test_values_that_are_not_finished_are_told_nothing() -> None:
 
 
 def test_values_that_hardly_move_are_told() -> None:
-    def hardly(right: Array, case: Case) -> Array:
-        return right * np.random.default_rng(len(right)).permutation(len(right))[:, None] * 0.03
+    """Each update takes the ones before it away, as `0.1 * target - q` has no parentheses."""
 
-    exam = examined(learner(q_values(hardly)))
+    @learns_from("reward")
+    def forgetful(case: Case) -> Learned:
+        env = case.env()
+        rng = np.random.default_rng(case.seed)
+        q = np.zeros((case.observation_space.n, 2))
+        s, _ = env.reset(seed=case.seed)
+        for _ in range(case.steps):
+            a = at_random(rng)
+            s_next, reward, terminated, truncated, _ = env.step(a)
+            target = reward + GAMMA * (not terminated) * q[s_next].max()
+            q[s, a] += 0.1 * target - q[s, a]
+            s = env.reset()[0] if terminated or truncated else s_next
+        return Learned(q, discount=GAMMA)
+
+    tasks = (*TASKS, "EndInPlace", "Hazard", "ValueLeft")
+    exam = examine(forgetful, suite="probes", tasks=tasks, seeds=3, steps=2000, twins=0)
     assert max(numbers(exam, "moved")["Patience"]) < 0.2
     assert told(exam) == ["unmoved"]
 
