@@ -273,16 +273,19 @@ DOUBTFUL = 3
 def unfinished(scores: Sequence[Score]) -> list[str]:
     """Return the tasks with errors of learned values, or with values that hardly move: longer training shows whether they stay.
 
-    None where a known mistake explains them.
+    None where a known mistake explains them. Tasks count whose episodes end for certain after some step: they show most.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []
     errors: dict[str, list[float]] = defaultdict(list)
     moved: dict[str, list[float]] = defaultdict(list)
     for score in scores:
-        if score["peek"] is None and score["twin"] is None and score.get("moved") is not None:
-            errors[score["task"]].append(max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0))
-            moved[score["task"]].append(score["moved"] or 0.0)
+        if score["peek"] is not None or score["twin"] is not None or score.get("moved") is None:
+            continue
+        moved[score["task"]].append(score["moved"] or 0.0)
+        at_ends = score.get("at_ends")
+        if at_ends is not None:
+            errors[score["task"]].append(max(at_ends, score.get("before_ends") or 0.0))
     mean_errors = {task: float(np.mean(each)) for task, each in errors.items()}
     wrong = [task for task in errors if mean_errors[task] > SMALL]
     unmoved = [task for task in moved if task not in wrong and np.mean(moved[task]) < MOVED]
