@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Option
 
 from taskspec.cli import options
-from taskspec.cli.console import write_output
+from taskspec.cli.console import say, write_output
 
 
 def freeze(
@@ -25,11 +25,14 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
-    from taskspec.tools.exchange.frozen_task import freeze as frozen
+    from taskspec.tools.exchange.freezing import freeze as frozen
     from taskspec.tools.exchange.spec_text import spec_text
     from taskspec.tools.targets import task_of
 
     given = list(parameters or [])
     if seed is not None:
         given.append(f"instance_seed={seed}")
-    write_output(spec_text(frozen(task_of(task, variant, given, modifiers or []))), output)
+    tables = frozen(task_of(task, variant, given, modifiers or []))
+    write_output(spec_text(tables), output)
+    for remark in tables.remarks:
+        say(f"  {remark}", err=True)

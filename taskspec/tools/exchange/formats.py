@@ -25,6 +25,7 @@ from taskspec.exact.solve.solve import Solvers
 from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.tools.exchange import arrays, umb
+from taskspec.tools.exchange.freezing import pays_after_ends, tables
 from taskspec.tools.exchange.frozen_task import (
     FrozenTask,
     cleared,
@@ -32,7 +33,6 @@ from taskspec.tools.exchange.frozen_task import (
     numbered,
     plain_names,
     separated,
-    tables,
 )
 from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded, listed
 from taskspec.tools.exchange.settled import ENDED, PHASE, property_of, settled, unsettled
@@ -110,6 +110,8 @@ def notes(task: Task, frozen: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
     if task.process.measures:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"
+    if pays_after_ends(task):
+        yield "absorbing reward: not in the file"
     if not format.is_settled:
         yield "probabilities and rewards: floats"
     elif not frozen.is_rational:

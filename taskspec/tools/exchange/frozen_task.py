@@ -1,4 +1,4 @@
-"""Finite tasks as tables, and the exact model of a task as such a table, in the rationals that its spec writes."""
+"""Finite tasks as tables, in the rationals that a spec writes."""
 
 from __future__ import annotations
 
@@ -6,24 +6,11 @@ import keyword
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import compress
 
-import numpy as np
-
-from taskspec.base.arrays import Array
 from taskspec.base.display import plural
-from taskspec.exact.model.extract import extract
-from taskspec.exact.model.model import Model, refuse
-from taskspec.exact.policies.state_observations import StateObservations
-from taskspec.exact.rules.evaluator import InvalidClaim, condition_over_states
-from taskspec.exact.scores.returns import Results
-from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes, Place, visited_table
-from taskspec.language.expressions import syntax
-from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.types import BOOL
-from taskspec.language.task.legal import with_all_actions
-from taskspec.language.task.task import Task
+from taskspec.exact.solve.outcomes import Number, Outcome, Outcomes
 
 LONGEST_NAME = 40
 """Letters of the name of a state or action."""
@@ -53,6 +40,8 @@ class FrozenTask:
         labels: sets of states, by name.
         text: `title`, `summary`, `description`, `capability`.
         claims: exact returns, by name.
+        absorbing: what each step pays after an end in each state, where ends absorb; empty where nothing.
+        measures: the same task with a measure in place of the reward, by the measure's name.
         width: the columns of a grid whose cells are the states, row by row; None where they are none.
         remarks: the parts of its source that the tables do not have, or have in another form.
     """
@@ -70,6 +59,8 @@ class FrozenTask:
     labels: Mapping[str, frozenset[int]] = field(default_factory=dict)
     text: Mapping[str, str] = field(default_factory=dict)
     claims: Mapping[str, Number] = field(default_factory=dict)
+    absorbing: tuple[Number, ...] = ()
+    measures: Mapping[str, FrozenTask] = field(default_factory=dict)
     width: int | None = None
     remarks: tuple[str, ...] = ()
 
@@ -152,15 +143,18 @@ def separated(task: FrozenTask, everywhere: bool = False) -> FrozenTask:
         rows.append(tuple(tuple(map(moved, outcomes)) for outcomes in by_action))
     names = list(task.states)
     seen = list(task.seen or ())
+    absorbing = list(task.absorbing)
     for s, copy in copies.items():
         rows.append(_stays(copy, len(task.actions)))
         names.append(f"{task.states[s]}_end")
         if task.seen is not None:
             seen.append(task.seen[s])
+        if task.absorbing:
+            absorbing.append(task.absorbing[s])
     start = task.start + (0.0,) * len(copies)
     return replace(
         task, states=plain_names(names, "s"), start=start, outcomes=tuple(rows), seen=tuple(seen) or None, values=(),
-        labels={}, width=None,
+        labels={}, width=None, absorbing=tuple(absorbing),
     )  # fmt: skip
 
 
@@ -215,6 +209,7 @@ def visited(task: FrozenTask) -> FrozenTask:
     return replace(
         task, states=tuple(compress(task.states, is_kept)), start=tuple(compress(task.start, is_kept)), outcomes=tuple(rows),
         seen=seen, values=tuple(compress(task.values, is_kept)), width=None, labels=labels,
+        absorbing=tuple(compress(task.absorbing, is_kept)),
     )  # fmt: skip
 
 
@@ -252,115 +247,3 @@ def plain_names(names: Sequence[str], letter: str) -> tuple[str, ...]:
         known.add(name)
         plain.append(name)
     return tuple(plain)
-
-
-MOST_STATES = 1000
-"""The largest number of states of a task that is frozen."""
-TIME = "t"
-"""The component that is added to states where the time matters."""
-
-
-def freeze(task: Task) -> FrozenTask:
-    """Write a task as tables, with its exact returns as claims; all actions are legal there.
-
-    Raises:
-        SpecError: E712 for a task that has no exact model, is too large, or whose observations are drawn.
-    """
-    task = with_all_actions(task)
-    model = extract(task, reachable=True)
-    frozen = tables(model, MOST_STATES)
-    if not task.observation.is_state:
-        if frozen.seen is None:
-            refuse(f"observations of {task.id} are not functions of the state")
-        if model.is_timed and frozen.last is None:
-            refuse(f"{task.id} depends on the time, which its observations leave out", "add the time to the state")
-    results = Results(task, 1)
-    claims = {}
-    for name in ("optimal", "random", "worst"):
-        value = getattr(results, name)
-        if value is not None:
-            claims[f"{name}_return"] = value.value
-    text = {
-        "title": f"{task.title or task.name}, frozen",
-        "summary": f"{task.instance_id} as tables, without draws of constants.",
-        "description": task.spec.description or "",
-        "capability": task.capability or "",
-    }
-    return separated(replace(frozen, text=text, claims=claims))
-
-
-def tables(model: Model, most: int) -> FrozenTask:
-    """Write a model as tables of the states that some episode visits.
-
-    States in which no episode acts stay as they are and pay nothing. Where the time matters, it becomes part of the state.
-
-    Raises:
-        SpecError: E712 for a model that is too large.
-    """
-    visited = visited_table(model, most)
-    labels = {}
-    places = np.array([s for _, s in visited.places], dtype=int)
-    for name, holds in _conditions(model):
-        labels[name] = frozenset(np.flatnonzero(holds[places]).tolist())
-    values = tuple(_values(model, visited.places, visited.is_timed))
-    return FrozenTask(
-        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in visited.places], values, "s"),
-        actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
-        start=visited.start, outcomes=visited.outcomes, horizon=model.horizon, discount=visited.discount, last=visited.last,
-        values=values, seen=_observations(model, visited.places, visited.is_timed),
-        labels=labels,
-    )  # fmt: skip
-
-
-def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[dict[str, int]]:
-    columns: dict[str, Array] = {}
-    for (_, name), value in model.reads().items():
-        if name == TIME:
-            continue
-        flat = np.broadcast_to(value, (*value.shape[:-1], model.n_states))
-        for at in np.ndindex(flat.shape[:-1]):
-            columns["_".join([name, *map(str, at)])] = flat[at]
-    for t, s in places:
-        row = {name: int(column[s]) for name, column in columns.items()}
-        if is_timed:
-            row[TIME] = t
-        yield row
-
-
-def _names(parts: Sequence[dict[str, object]], values: Sequence[dict[str, int]], letter: str) -> tuple[str, ...]:
-    """Names of states or actions: labels, or components with their values such as `x1_y0`."""
-    names: list[str] = []
-    for i, part in enumerate(parts):
-        numbers: Mapping[str, object] = part
-        if values:
-            numbers = values[i]
-        if len(part) == 1 and TIME not in numbers:
-            names += map(str, part.values())
-        else:
-            names.append(components_name(numbers))
-    return plain_names(names, letter)
-
-
-def _conditions(model: Model) -> Iterator[tuple[str, Array]]:
-    task = model.task
-    if task.annotations.figure is not None:
-        for name, node in task.annotations.figure.highlight.items():
-            if node.type == BOOL:
-                (holds,) = evaluate([node], model.reads())
-                yield name, np.broadcast_to(holds, (model.n_states,))
-    for number, claim in enumerate(task.annotations.claims, 1):
-        for call in syntax.names(claim.expr):
-            if isinstance(call, syntax.Call) and call.function in ("reachable", "probability") and call.args:
-                try:
-                    yield f"claim_{number}", condition_over_states(call.args[0], model)
-                except InvalidClaim:
-                    continue
-
-
-def _observations(model: Model, places: Sequence[Place], is_timed: bool) -> tuple[tuple[float, ...], ...] | None:
-    """Numbers that are observed in each place; None where the state is observed, or the place does not decide them."""
-    seen = StateObservations(model)
-    if model.task.observation.is_state or not seen.is_known or (seen.is_timed and not is_timed):
-        return None
-    rows_at = cache(lambda t: seen.matrix(t).tolist())
-    return tuple(tuple(rows_at(t * seen.is_timed)[s]) for t, s in places)

@@ -84,8 +84,10 @@ def _lines(task: FrozenTask) -> Iterator[str]:
         yield f"discount: {written(task.discount)}"
     yield from ("initial:", f"  s: {_distribution(zip(task.states, task.start, strict=True))}", "dynamics:")
     yield from _TableText("  s'", task, _next_states(task)).lines()
-    yield from _rewards(task)
+    yield from _rewards("reward", task)
     yield from _ends(task)
+    yield from _absorbing(task)
+    yield from _measures(task)
     yield "expert: optimal"
     if task.claims:
         yield "claims:"
@@ -143,18 +145,18 @@ def _next_states(task: FrozenTask) -> Entries:
 
 def has_mean_rewards(task: FrozenTask) -> bool:
     """Tell whether the spec has expected rewards, because a table of rewards by next state would be too large."""
-    return _reward_table(task).cells > limits().cells
+    return _reward_table("reward", task).cells > limits().cells
 
 
-def _reward_table(task: FrozenTask) -> _TableText:
+def _reward_table(name: str, task: FrozenTask) -> _TableText:
     entries: Entries = {}
     for s, a, outcome in task.taken_steps():
         entries[task.states[s], task.actions[a], task.states[outcome.state]] = written(outcome.reward)
-    return _TableText("reward", task, entries)
+    return _TableText(name, task, entries)
 
 
-def _rewards(task: FrozenTask) -> Iterator[str]:
-    table = _reward_table(task)
+def _rewards(name: str, task: FrozenTask) -> Iterator[str]:
+    table = _reward_table(name, task)
     if table.cells <= limits().cells:
         yield from table.lines()
         return
@@ -164,7 +166,24 @@ def _rewards(task: FrozenTask) -> Iterator[str]:
             if outcomes:
                 mean = sum(outcome.probability * outcome.reward for outcome in outcomes)
                 means[task.states[s], task.actions[a], ""] = written(mean)
-    yield from _TableText("reward", task, means).lines()
+    yield from _TableText(name, task, means).lines()
+
+
+def _measures(task: FrozenTask) -> Iterator[str]:
+    if task.measures:
+        yield "measures:"
+    for name, paid in task.measures.items():
+        yield from _rewards(f"  {name}", paid)
+
+
+def _absorbing(task: FrozenTask) -> Iterator[str]:
+    entries: Entries = {}
+    for _, _, outcome in task.taken_steps():
+        if task.absorbing and (outcome.ends or task.last is not None):
+            name = task.states[outcome.state]
+            entries[name, "", ""] = written(task.absorbing[outcome.state])
+    if entries:
+        yield from _TableText("absorbing_reward", task, entries).lines()
 
 
 def _ends(task: FrozenTask) -> Iterator[str]:

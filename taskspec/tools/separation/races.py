@@ -10,9 +10,11 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import plural
 from taskspec.base.limits import also
+from taskspec.exact.model.extract import extract
 from taskspec.exact.scores.returns import Results
 from taskspec.language import registry
 from taskspec.language.source import read_text
+from taskspec.language.task.legal import with_all_actions
 from taskspec.language.task.task import Task
 from taskspec.learn.documents.document_models import Sample
 from taskspec.learn.exam.asked_tasks import names_in
@@ -25,7 +27,8 @@ from taskspec.learn.experiments.instances import Instance, expand
 from taskspec.learn.experiments.tabular_learners import monte_carlo, q_learning
 from taskspec.learn.learners import CannotLearn
 from taskspec.learn.observed_policies import observed_value
-from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
+from taskspec.tools.exchange.freezing import observable
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.spec_text import task_of_tables
 
 EPISODES = 1000
@@ -157,7 +160,7 @@ def tables_of(subject: Subject) -> FrozenTask | None:
     if task.action_layout.form != "discrete":
         return None
     try:
-        return freeze(task)
+        return observable(extract(with_all_actions(task), reachable=True))
     except SpecError as error:
         if set(error.codes) == {"E712"}:
             return None

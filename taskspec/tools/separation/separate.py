@@ -25,7 +25,8 @@ from taskspec.learn.experiments.instances import Instance
 from taskspec.learn.jobs.engines import Workers
 from taskspec.learn.statistics import ALARM, differences, seeds_interval
 from taskspec.show.terminal.styled_text import console, line
-from taskspec.tools.exchange.frozen_task import FrozenTask, freeze, numbered
+from taskspec.tools.exchange.freezing import freeze
+from taskspec.tools.exchange.frozen_task import FrozenTask, numbered
 from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.separation import races
 from taskspec.tools.separation.races import Subject

@@ -9,7 +9,8 @@ import pytest
 from taskspec import experiments, load
 from taskspec.exact import Results
 from taskspec.learn.exam.examinee import learner_of
-from taskspec.tools.exchange.frozen_task import FrozenTask, freeze
+from taskspec.tools.exchange.freezing import freeze
+from taskspec.tools.exchange.frozen_task import FrozenTask
 from taskspec.tools.exchange.spec_text import spec_text, task_of_tables
 from taskspec.tools.separation.separate import Search
 from taskspec.tools.separation.shrink import shrink, size
