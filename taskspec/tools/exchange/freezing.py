@@ -18,7 +18,6 @@ from taskspec.exact.scores.returns import Results
 from taskspec.exact.solve.outcomes import Number, Place, visited_table
 from taskspec.language.expressions import syntax
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.types import BOOL
 from taskspec.language.task import questions
 from taskspec.language.task.task import Task
@@ -72,9 +71,9 @@ def observable(model: Model) -> FrozenTask:
 def _with_measures(frozen: FrozenTask, model: Model) -> FrozenTask:
     """Add the measures of the model's task; remark on those that have no table, such as one that alone depends on the time."""
     measures = {}
-    for name, measure in model.task.process.measures.items():
+    for name in model.task.process.measures:
         try:
-            paid = separated(tables(_paying(model, measure), MOST_STATES))
+            paid = separated(tables(_paying(model, name), MOST_STATES))
         except SpecError:
             paid = None
         if paid is not None and paid.states == frozen.states:
@@ -84,9 +83,9 @@ def _with_measures(frozen: FrozenTask, model: Model) -> FrozenTask:
     return replace(frozen, measures=measures)
 
 
-def _paying(model: Model, measure: Node) -> Model:
+def _paying(model: Model, measure: str) -> Model:
     """Return the model with a measure as its reward, as timed as it is."""
-    paid = with_reward(model, measure)
+    paid = with_reward(model, model.task.process.measures[measure])
     if model.is_timed and not paid.is_timed:
         return replace(paid, steps=paid.steps * len(model.steps))
     return paid
