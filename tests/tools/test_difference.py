@@ -281,6 +281,44 @@ def test_labels_and_observations_are_part_of_the_meaning() -> None:
     assert found.new_version
 
 
+ENDS = (
+    CORRIDOR
+    + """\
+terminal: s' == 3
+absorbing_reward: 1/2
+measures: {cost: a == right}
+"""
+)
+
+
+@for_each(("old", "new", "words"), [
+    ("1/2", "2/4", ""), ("1/2", "1/3", "absorbing"), ("1/2", "s / 6", ""), ("1/2", "t / 8", "absorbing"),
+    ("1/2", "1/2 if s == 3 else 7", ""), ("\nabsorbing_reward: 1/2", "", "absorbing"),
+    ("cost: a == right", "cost: s == 0", "cost"),
+    ("cost: a == right", "cost: a == left", "cost"), ("cost:", "price:", "measures"), ("a == right", "a != left", ""),
+])  # fmt: skip
+def test_what_stands_beside_the_steps_is_part_of_a_task(old: str, new: str, words: str) -> None:
+    """Each of these has the same outcomes; what an end that absorbs pays, or a measure, asks for a new version."""
+    found = found_for(ENDS, ENDS.replace(old, new))
+    assert found.relation in ("same task", "identical")
+    assert found.new_version == bool(words)
+    assert words in found.words and ("; but" in found.words) == bool(words)
+
+
+@for_each(("old", "new", "words"), [
+    ("{left: -1, right: 1}", "{right: 1, left: -1}", "only the order of the actions differs"),
+    ("2 * (s' == 3)", "2 * (s' == 3) + (s == 2) / 10**12", "the expected reward is the same up to 1e-09"),
+    ("2 * (s' == 3)", "2 * (s' == 3) * (1 + 1/10**6)", "the expected reward is the same times 1.000001"),
+    ("2 * (s' == 3)", "1 / 3 * (s' == 3)", "the expected reward is the same times 0.166666667"),
+    ("2 * (s' == 3)", "4 * (s' == 3) * Bernoulli(1/2)", "the expected reward is the same"),
+])  # fmt: skip
+def test_words_are_true(old: str, new: str, words: str) -> None:
+    found = found_for(CORRIDOR, CORRIDOR.replace(old, new))
+    assert found.words == words
+    assert found.difference is not None
+    assert found.difference.first != found.difference.second
+
+
 WALK = """\
 taskspec: 1
 name: Walk

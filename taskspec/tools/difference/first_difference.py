@@ -22,6 +22,11 @@ from taskspec.language.task.task import Task
 MOST_OUTCOMES = 400_000
 """Outcomes of all steps together up to which tasks are compared exactly."""
 
+PLACES = 4
+"""Decimals of rewards."""
+MOST_PLACES = 15
+"""Decimals of rewards that differ beyond these."""
+
 
 @dataclass(frozen=True)
 class FirstDifference:
@@ -134,10 +139,10 @@ def _with_chance(words: str, p: Fraction) -> str:
     return f"{words} with probability {p}"
 
 
-def _outcome_words(outcomes: Mapping[Any, Fraction]) -> str:
+def _outcome_words(outcomes: Mapping[Any, Fraction], places: int) -> str:
     parts = []
     for (name, reward, ends), p in sorted(outcomes.items(), key=lambda item: (-item[1], repr(item[0]))):
-        words = f"{shown(name)}, reward {decimal(reward)}"
+        words = f"{shown(name)}, reward {decimal(reward, places)}"
         if ends:
             words += ", end"
         parts.append(_with_chance(words, p))
@@ -226,7 +231,9 @@ def _level(
             other_outcomes = other.named(t, same, a)
             here = (*path, shown(action))
             if outcomes != other_outcomes:
-                words = (_outcome_words(outcomes), _outcome_words(other_outcomes))
+                words = (_outcome_words(outcomes, PLACES), _outcome_words(other_outcomes, PLACES))
+                if words[0] == words[1]:
+                    words = (_outcome_words(outcomes, MOST_PLACES), _outcome_words(other_outcomes, MOST_PLACES))
                 return FirstDifference(here, t, state, shown(action), *words), {}
             for to, _, ends in one.rows(t)[s][a]:
                 if not ends:

@@ -32,6 +32,7 @@ from taskspec.exact.solve.rational import Scaled
 from taskspec.exact.solve.solve import Solver, Solvers
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.types import Refused
+from taskspec.language.modifiers import modify
 from taskspec.language.task.task import Task
 from taskspec.show.record import space
 from taskspec.tools.difference.first_difference import (
@@ -42,6 +43,7 @@ from taskspec.tools.difference.first_difference import (
     first_difference,
     shown,
 )
+from taskspec.tools.exchange.freezing import pays_after_ends
 
 Relation = Literal[
     "identical", "same task", "renamed", "scaled reward", "shaped reward", "same optimal policy", "different",
@@ -76,9 +78,14 @@ class TaskRelation:
 def compare(a: Task, b: Task) -> TaskRelation:
     """Compare two tasks in meaning: exactly if both are finite, otherwise in episodes with the same random words."""
     relation = _compared(a, b)
+    is_same = relation.relation in ("identical", "same task")
+    if is_same:
+        other = _other_spaces(a, b) or _other_payments(a, b)
+        if other:
+            relation = replace(relation, words=f"{relation.words}; but {other}")
+            is_same = False
     if a.name != b.name:
         return relation
-    is_same = relation.relation in ("identical", "same task") and not _other_spaces(a, b)
     return replace(relation, new_version=not is_same)
 
 
@@ -94,16 +101,10 @@ def _compared(a: Task, b: Task) -> TaskRelation:
         return _by_episodes(a, b, "probabilities are no rational numbers")
     difference = first_difference(one, other)
     if difference is None:
-        words = "every step has the same outcomes"
-        spaces = _other_spaces(a, b)
-        if spaces:
-            words += f"; but {spaces}"
-        if a.process.measures or b.process.measures:
-            words += "; measures were not compared"
-        return TaskRelation("same task", words)
-    names = _renaming(one, other)
-    if names is not None:
-        return TaskRelation("renamed", f"only names differ: {names}", difference)
+        return TaskRelation("same task", "every step has the same outcomes")
+    words = _renaming(one, other)
+    if words is not None:
+        return TaskRelation("renamed", words, difference)
     return _by_rewards(one, other, difference)
 
 
@@ -113,6 +114,26 @@ def _other_spaces(a: Task, b: Task) -> str:
         return "the observation space is another one"
     if space(a.action_layout) != space(b.action_layout):
         return "the action space is another one"
+    return ""
+
+
+def _other_payments(a: Task, b: Task) -> str:
+    """Name the measure, or else the absorbing reward, that differs where steps do not; empty where none does."""
+    if a.process.measures.keys() != b.process.measures.keys():
+        return "it has other measures"
+    paying = []
+    for name, measure in a.process.measures.items():
+        pair = (a.with_process(reward=measure), b.with_process(reward=b.process.measures[name]))
+        paying.append((f"the measure {name}", *pair))
+    if pays_after_ends(a) or pays_after_ends(b):
+        paying.append(("the absorbing reward", modify(a, "absorbing"), modify(b, "absorbing")))
+    for name, one, other in paying:
+        try:
+            differs = first_difference(NamedSteps(one), NamedSteps(other)) is not None
+        except (SpecError, Inexact, Refused):
+            return f"{name} cannot be compared"
+        if differs:
+            return f"{name} is another one"
     return ""
 
 
@@ -176,7 +197,9 @@ def _renamed(one: NamedSteps, other: NamedSteps, classes: Sequence[int], order: 
     for name, other_name in pairs:
         if name != other_name:
             words.append(f"{shown(name)} is {shown(other_name)}")
-    return few(words, 6)
+    if not words:
+        return "only the order of the actions differs"
+    return f"only names differ: {few(words, 6)}"
 
 
 # -- other rewards ----------------------------------------------------------------------------------------------------
@@ -201,13 +224,8 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
     if all(_moves(one, t) == _moves(other, t) for t in times):
         factor = _factor(_advantages(solvers, where, acting, is_random=True))
         if factor is not None:
-            scale = ""
-            if factor != 1:
-                scale = f" times {decimal(float(factor))}"
-            if all(_is_scaled(one, other, where, t, float(factor)) for t in times):
-                return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
-            words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
-            return TaskRelation("shaped reward", words, difference, returns)
+            relation, words = _reward_words(one, other, where, float(factor))
+            return TaskRelation(relation, words, difference, returns)
     if [set(where[states]) for states in acting] != list(map(set, _acting(other))):
         return TaskRelation("different", "other states are visited", difference, returns)
     pairs = _advantages(solvers, where, acting, is_random=False)
@@ -215,6 +233,18 @@ def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference)
         words = "in every state and at every time, the same actions are optimal"
         return TaskRelation("same optimal policy", words, difference, returns)
     return TaskRelation("different", "other actions are optimal", difference, returns)
+
+
+def _reward_words(one: NamedSteps, other: NamedSteps, where: Array, factor: float) -> tuple[Relation, str]:
+    times = range(max(one.times, other.times))
+    scale = ""
+    if abs(factor - 1) > EQUAL:
+        scale = f" times {decimal(factor, 9)}"
+    if not all(_is_scaled(one, other, where, t, factor, EQUAL) for t in times):
+        return "shaped reward", f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
+    if not all(_is_scaled(one, other, where, t, factor, 0.0) for t in times):
+        scale += f" up to {EQUAL:g}"
+    return "scaled reward", f"the expected reward is the same{scale}"
 
 
 def _looks_alike(one: NamedSteps, other: NamedSteps, where: Array, t: int) -> bool:
@@ -280,11 +310,11 @@ def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
     return factor
 
 
-def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float) -> bool:
+def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float, within: float) -> bool:
     shape = (len(one.actions), len(one.names))
     ours = one.model.step(t).R.reshape(shape)[:, one.model.acting]
     theirs = other.model.step(t).R.reshape(shape)[:, where[one.model.acting]]
-    return bool(np.allclose(theirs, factor * ours, rtol=EQUAL, atol=EQUAL))
+    return bool(np.allclose(theirs, factor * ours, rtol=within, atol=within))
 
 
 # -- tasks that are not finite ----------------------------------------------------------------------------------------
