@@ -38,6 +38,16 @@ CASES: dict[str, tuple[str, dict[str, str]]] = {
     "a patient task": ("", {"horizon": "none", "discount": "0.999999999", "claims": "['optimal_return > 0']"}),
     "a draw in a branch of a set": ("E306", {"reward": "'s in ({UniformInt(0, 3)} if a else {1})'"}),
     "a draw in a set": ("E312", {"dynamics": "{s': 'Uniform({i if a else UniformInt(0, 3) for i in range(3)})'}"}),
+    "an expert of an unknown action": ("E216", {"expert": "{act: true}"}),
+    "an expert of some unknown actions": ("E216", {"expert": "{b: right, c: 1}"}),
+    "an expert that draws": ("", {"expert": "{true: 1/2, false: 1/2}"}),
+    "an expert that surely acts": ("", {"expert": "{s < 3: 1}"}),
+    "an expert by rows": ("", {"expert": "{by: [s], rows: {else: true}}"}),
+    "a discount above 1": ("E411", {"discount": "1.5"}),
+    "a discount below 0": ("E411", {"parameters": "{g: {type: real, default: -0.5}}", "discount": "g"}),
+    "a return under a model": ("E603", {"claims": "[{claim: random_return == 1, under: soft(1)}]"}),
+    "a sum under a model": ("E603", {"claims": "[{claim: not reachable(s == 3) or states == 2, under: optimal}]"}),
+    "a chance under a model": ("", {"claims": "[{claim: 1 - probability(s == 9) == 0, under: optimal}]"}),
     "sets in branches": ("", {"dynamics": "{s': 'Uniform({1, 2}) if a else Uniform({3, 4})'}"}),
 }  # fmt: skip
 

@@ -64,12 +64,11 @@ FUNCTIONS = _vocabulary(
     ("probability", "probability(condition, under=model)",
      "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise."),
     ("measure", "measure(name, under=model)",
-     "Expected sum of a measure over an episode, discounted like the return; under uniformly random actions unless `under` "
-     "says otherwise."),
+     "Expected sum of a measure over an episode, discounted like the return; `under` as of `probability`."),
     ("prefers", "prefers(model, condition, at=condition)",
-     "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
-     "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
-     "changes nothing, but it must have a preference in each such state at some time. Both conditions may use `t`."),
+     "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often fulfil the "
+     "condition. Times at which it is indifferent (within 10⁻⁹) are left out, but it must have a preference in each such "
+     "state at some time. Both conditions may use `t`."),
     ("influences", "influences(action, state)", "The action component can change the next value of the state component."),
     ("abs", "abs(number)", "Absolute value of a number made of results."),
 )  # fmt: skip

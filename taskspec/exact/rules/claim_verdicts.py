@@ -125,6 +125,11 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
     A claim about a model is decided where both readings of floats agree. One about episodes is contradicted by
     intervals that hold for any distribution; where these leave it open it holds, unless normal intervals contradict it.
     """
+    calls = {call.function for call in s.names(claim.expr) if isinstance(call, s.Call)}
+    if claim.options.get("under") and calls.isdisjoint(("probability", "measure", "prefers")):
+        raise InvalidClaim(
+            "`under` is for `probability`, `measure` and `prefers`; this claim has none of them", claim.expr
+        )
     terms = Terms(confidence=CONFIDENCE, episodes=int(claim.options.get("episodes") or EPISODES))
     evaluator = ClaimEvaluator(results, claim.options, terms)
     holds, reason = _decided(evaluator, claim)

@@ -97,6 +97,7 @@ _PAIRS = {"(": ")", "[": "]", "{": "}"}
 _LONGEST = 70  # longer than this, a value is cut in a message
 _PASTED = 500  # longer than this, a value is not repeated in a hint
 
+_ANCHOR = re.compile(r"&\w+(\s.*)?|\*\w+", re.DOTALL)
 SPECIAL = {
     "*": "the name of an alias",
     "&": "the name of an anchor",
@@ -186,7 +187,10 @@ def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
         return TextProblem("E102", start, line_end(text, start), message, "remove it")
     end = max(start + 1, value_end(text, start, in_flow and char not in ",]}"))
     message = f"a value cannot start with `{char}`: YAML reads it as {SPECIAL.get(char, 'its own')}"
-    return TextProblem("E102", start, end, message, in_quotes(text[start:end]))
+    hint = in_quotes(text[start:end])
+    if _ANCHOR.fullmatch(text, start, end):
+        hint = "specs have no anchors and aliases: write the value again, or once as a constant or definition"
+    return TextProblem("E102", start, end, message, hint)
 
 
 def line_start(text: str, at: int) -> int:

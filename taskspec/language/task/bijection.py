@@ -165,10 +165,7 @@ def _rows(values: Sequence[Array], lanes: int) -> Array:
 
 
 def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int) -> Values:
-    values = {}
-    for c, v in zip(components, arrays, strict=True):
-        values[c.name] = v[..., lane]
-    return values
+    return {c.name: v[..., lane] for c, v in zip(components, arrays, strict=True)}
 
 
 def _of_row(components: Sequence[Component], row: Array) -> Values:

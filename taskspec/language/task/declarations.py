@@ -135,9 +135,7 @@ def _bind_parameter(
         return None
     if not _check_within(context, name, value, low, high, labels, name in given):
         return None
-    shown = {}
-    for k in ("symbol", "doc", "alias"):
-        shown[k] = entry.get(k)
+    shown = {key: entry.get(key) for key in ("symbol", "doc", "alias")}
     parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
     if labels is not None:
         return parameter, Value(context.builder.scalar(labels.index(value)), domain)
@@ -229,9 +227,7 @@ def bind_constants(context: Context, resolve: bool = True) -> None:
 
 
 def fixed_constants(context: Context) -> dict[str, Const]:
-    constants = {}
-    for name in context.data.get("constants") or {}:
-        constants[name] = context.constant(name)
+    constants = {name: context.constant(name) for name in context.data.get("constants") or {}}
     return {name: value.node for name, value in constants.items() if value and isinstance(value.node, Const)}
 
 
@@ -445,5 +441,5 @@ def bind_discount(context: Context) -> float:
         return 1.0
     if node.type.is_scalar and 0 <= node.value <= 1:
         return float(node.value)
-    context.collector.add("E703", expr.place, "the discount is a number between 0 and 1")
+    context.collector.add("E411", expr.place, "the discount is a number between 0 and 1")
     return 1.0

@@ -266,9 +266,7 @@ def _key(document: Document, variant: str) -> str:
     variants: dict[str, Any] = document.data.get("variants") or {}
     if variant in variants:
         return variant
-    keys = {}
-    for key in variants:
-        keys[task_name(name, key)] = key
+    keys = {task_name(name, key): key for key in variants}
     if variant in keys:
         return keys[variant]
     message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"

@@ -114,10 +114,7 @@ def written_in(task: Task, section: str) -> Any:
 
 def axes(task: Task) -> dict[str, int]:
     """Return the number of axes of each definition and of each noise."""
-    counts = {}
-    for name, lengths in task.source.surface.shapes.items():
-        counts[name] = len(lengths)
-    return counts
+    return {name: len(lengths) for name, lengths in task.source.surface.shapes.items()}
 
 
 def argument_axes(task: Task, definition: str, arguments: Iterable[str]) -> dict[str, int]:

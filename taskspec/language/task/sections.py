@@ -258,13 +258,17 @@ def expert_action(context: Context, names: Names) -> Expert:
         return None
     scope = names.scope("expert")
     components = context.action
-    if isinstance(value, dict) and not (len(components) == 1 and components[0].name not in value):
-        exprs = {}
-        for name in value:
-            exprs[name] = context.forms.expr(("expert", name))
+    expr = None
+    names_components = isinstance(value, dict) and (len(components) != 1 or components[0].name in value)
+    if not names_components:
+        expr = context.exprs["expert"] = context.forms.expr(("expert",))
+        if isinstance(expr, s.Weights):
+            outcomes = [outcome for outcome, _ in expr.pairs]
+            names_components = all(isinstance(o, s.Name) and o.id not in scope.bindings for o in outcomes)
+    if names_components:
+        exprs = {name: context.forms.expr(("expert", name)) for name in value}
         context.exprs["expert"] = exprs
         return by_component(context, ("expert",), exprs, scope, is_whole=True)
-    expr = context.exprs["expert"] = context.forms.expr(("expert",))
     match expr:
         case s.Name(id="optimal"):
             return "optimal"
@@ -317,9 +321,7 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
     path: Path = ("abstraction", "map")
     written = context.data["abstraction"]["map"]
     components = context.data["abstraction"]["state"]
-    exprs = {}
-    for name in written:
-        exprs[name] = context.forms.expr((*path, name))
+    exprs = {name: context.forms.expr((*path, name)) for name in written}
     context.exprs["abstraction"] = exprs
     nodes = []
     for name, expr in exprs.items():

@@ -76,7 +76,7 @@ class ClaimEntry(Strict):
         "Parameter values to check it for: `[{L: 3}, {L: 5}]`, or a grid, `{L: [1, 2, 5]}`. Without it: defaults.",
         alias="for",
     )
-    under: str | None = optional("The decision model it is about: `soft(1)`.")
+    under: str | None = optional("The decision model of its `probability`, `measure` or `prefers`: `soft(1)`.")
     where: str | None = optional("Where the source states it.")
     tolerance: float | None = optional("How far apart two equal numbers may be.", ge=0, allow_inf_nan=False)
     episodes: int | None = optional("How many episodes to simulate, when there is no exact model.", ge=1)
