@@ -226,7 +226,7 @@ def test_show_tells_values_equations_errata_claims_and_sources() -> None:
     text = Done("show", "Branching", "-p", "L=4").out
     for line in (
         "Parameters L = 4, number of choices on the path (1 to 1000)",
-        "States S = {0, … , LB} s: position",
+        "States 𝒮 = {0, … , LB} s: position",
         "Discrete(9)",
         "Dynamics s′ = s + (a + 1) ⋅ 𝟙[s ≡ 0 (mod B) ∧ s < LB]",
         "Horizon L here 4",

@@ -298,4 +298,4 @@ def _warnings(task: Task, results: Results) -> _Sanity:
     return _Sanity(diagnostics, untried)
 
 
-ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527", "W531")  # warnings about how a task is drawn and printed
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527", "W531", "W532")  # warnings about how a task is drawn and printed

@@ -1,4 +1,4 @@
-"""Names that look alike: one symbol for two of them, or letters of other alphabets that look like Latin ones."""
+"""Names that look alike: one symbol for two of them, or letters of other alphabets that look like Latin ones; broken symbols."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from taskspec.base.diagnostics import Collector, Diagnostic
 from taskspec.language.expressions.syntax import Name
 from taskspec.language.registry import load
+from taskspec.language.source import Path
 from taskspec.language.task.merge import merge
 from taskspec.language.task.questions import written_in
 from taskspec.language.task.task import Task, TaskLike
 from taskspec.show.printers.names import of_task
+from taskspec.show.printers.tex import mended
 from taskspec.show.printers.text import plain
 
 ALIKE = str.maketrans(
@@ -30,13 +32,17 @@ _SECTIONS = {
 
 
 def look_alikes(task: TaskLike) -> tuple[Diagnostic, ...]:
-    """Look for names with one symbol (W524), and for names that look like others in Latin letters (W527)."""
+    """Look for names with one symbol (W524) or none in TeX (W532), and for names that look like Latin ones (W527)."""
     task = load(task)
     merged = merge(task.source.document, task.source.variant)
     collector = Collector()
     for path, message in _same_symbols(task):
         hint = "give one of them another `symbol`, or labels other `symbols`"
         collector.add("W524", merged.key_span(path), message, hint)
+    for place, given in _given_symbols(task):
+        for problem in mended(given)[:1]:
+            hint = "symbols are TeX's mathematics without dollars, such as `c_0` or `\\beta`"
+            collector.add("W532", merged.span(place), f"the symbol `{given}` is broken: {problem}", hint)
     for path, message in _foreign_letters(task):
         collector.add("W527", merged.key_span(path), message, "write it in Latin letters, here and where it is used")
     return collector.diagnostics
@@ -60,6 +66,17 @@ def _same_symbols(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
                 if symbol in seen:
                     subject = f"the label '{label}' of '{c.name}'"
                     yield (section, c.name), f"pages print `{symbol}` for {seen[symbol]} and for {subject}"
+
+
+def _given_symbols(task: Task) -> Iterator[tuple[Path, str]]:
+    spec = task.spec
+    parts = {"parameters": spec.parameters.entries, "state": spec.state, "action": spec.action}
+    for section, entries in parts.items():
+        for name, entry in entries.items():
+            if entry.symbol is not None:
+                yield (section, name, "symbol"), entry.symbol
+            for i, given in enumerate(getattr(entry, "symbols", None) or ()):
+                yield (section, name, "symbols", i), given
 
 
 def _symbols(task: Task) -> Iterator[tuple[tuple[str, str], str, str]]:

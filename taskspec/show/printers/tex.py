@@ -105,6 +105,8 @@ class _TexReader:
     at: int = 0
     depth: int = 0
     stops: list[str] = field(default_factory=list)
+    mended: list[str] = field(default_factory=list)
+    """What is no TeX, and was mended, in words."""
 
     def peek(self) -> str | None:
         if self.at < len(self.tokens):
@@ -165,6 +167,7 @@ class _TexReader:
     def argument(self) -> Math:
         self.skip_blanks()
         if self.peek() is None:
+            self.mended.append("an argument is missing at the end")
             return m.Row(())
         return m.row(*self.one())
 
@@ -198,7 +201,13 @@ class _TexReader:
             return [m.Ident(token)]
         if token == "~":
             return [m.Gap()]
-        return [m.Words(token) if token in "}$&#%^_" else m.Sym(_PLAIN.get(token, token))]
+        return [self.sign(token)]
+
+    def sign(self, token: str) -> Math:
+        if token in "}$&#%^_":
+            self.mended.append(f"`{token}` is out of place")
+            return m.Words(token)
+        return m.Sym(_PLAIN.get(token, token))
 
     def group(self) -> Math:
         start = self.at
@@ -207,7 +216,8 @@ class _TexReader:
             return m.Hole(name)
         self.at = start
         inner = self.items("}")
-        self.taken("}")
+        if not self.taken("}"):
+            self.mended.append("`{` is not closed")
         return m.row(*inner)
 
     def raw(self) -> str:
@@ -217,6 +227,8 @@ class _TexReader:
         while (token := self.take()) and (token != "}" or level > 1):
             level += {"{": 1, "}": -1}.get(token, 0)
             text += token
+        if not token:
+            self.mended.append("`{` is not closed")
         return text
 
     def raw_argument(self) -> str:
@@ -251,13 +263,22 @@ class _TexReader:
             case "pmod":
                 return [m.Gap("wide"), m.brackets(m.Row((m.upright("mod"), m.Gap(), self.argument())))]
             case "left":
-                left = self.delimiter()
-                inner = self.items(r"\right")
-                return [m.Fence(left, m.row(*inner), self.delimiter() if self.taken(r"\right") else "")]
+                return [self.sized()]
             case "begin":
                 return [self.environment()]
             case _:
+                self.mended.append(f"`{token}` is not known")
                 return [m.Words(token)]
+
+    def sized(self) -> Math:
+        left = self.delimiter()
+        inner = self.items(r"\right")
+        right = ""
+        if self.taken(r"\right"):
+            right = self.delimiter()
+        else:
+            self.mended.append(r"`\left` has no `\right`")
+        return m.Fence(left, m.row(*inner), right)
 
     def delimiter(self) -> str:
         self.skip_blanks()
@@ -290,10 +311,14 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
         text: TeX, without dollars.
         holes: names which, alone in braces, are arguments of a template.
     """
+    return _read(text, holes)[0]
+
+
+def mended(text: str) -> list[str]:
+    """Return what `read` mends in a piece of TeX mathematics, in words; empty for one that is right."""
+    return _read(text, ())[1]
+
+
+def _read(text: str, holes: Collection[str]) -> tuple[Math, list[str]]:
     reader = _TexReader([_SAME.get(token, token) for token in _TOKEN.findall(text)], holes)
-    trees: list[Math] = []
-    while reader.peek() is not None:
-        trees += reader.items()
-        if reader.peek() is not None:  # a closing brace that closes nothing
-            trees.append(m.Words(reader.take()))
-    return m.row(*trees)
+    return m.row(*reader.items()), reader.mended

@@ -148,6 +148,8 @@ def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
     match node:
         case m.Ident(text=text, style="blackboard"):
             return c.BLACKBOARD.get(text, text)
+        case m.Ident(text=text, style="calligraphic"):
+            return c.CALLIGRAPHIC.get(text, text)
         case m.Ident(text=text) | m.Num(text=text) | m.Words(text=text) | m.Hole(name=text):
             return text
         case m.Sym(text=text):

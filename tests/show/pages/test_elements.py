@@ -88,10 +88,10 @@ def written(source: str) -> str:
         ("where(x > y, x, y)", "({ xᵢ if xᵢ > yᵢ; yᵢ otherwise })ᵢ"),
         ("sum(where(x > y, x, w))", "∑_(i) { xᵢ if xᵢ > yᵢ; wᵢ otherwise }"),
         ("where(s > 1, x, y)", "{ x if s > 1; y otherwise }"),
-        ("Normal(0, [1, 2, s])", "(N(0, (1, 2, s)ᵢ²))ᵢ"),
-        ("Normal(0, [[1, 2], [3, 4]])", "(N(0, ([1 2; 3 4])_(i, j)²))_(i, j)"),
-        ("Normal(x, std=w + 1)", "(N(xᵢ, (wᵢ + 1)²))ᵢ"),
-        ("Normal(x, s)", "N(x, s²)"),
+        ("Normal(0, [1, 2, s])", "(𝒩(0, (1, 2, s)ᵢ²))ᵢ"),
+        ("Normal(0, [[1, 2], [3, 4]])", "(𝒩(0, ([1 2; 3 4])_(i, j)²))_(i, j)"),
+        ("Normal(x, std=w + 1)", "(𝒩(xᵢ, (wᵢ + 1)²))ᵢ"),
+        ("Normal(x, s)", "𝒩(x, s²)"),
     ],
 )
 def test_the_index_is_on_what_has_elements(source: str, expected: str) -> None:

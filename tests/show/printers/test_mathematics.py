@@ -21,6 +21,7 @@ from taskspec.show.printers.expressions import condition
 from taskspec.show.printers.markup import escape
 from taskspec.show.printers.names import Notation, expression, nowhere, symbol
 from taskspec.show.printers.rewrites import substitute
+from taskspec.show.printers.tex import CALLIGRAPHIC, mended
 from taskspec.show.printers.tex import read as read_tex
 from taskspec.show.printers.text import text
 from tests.shared.for_each import for_each
@@ -349,3 +350,23 @@ def test_reading_tex_takes_linear_time() -> None:
 @for_each("name", MEASURES)
 def test_formulas_of_measures_are_mathematics_in_full(name: str) -> None:
     assert "\\" not in mathml(read_tex(MEASURES[name].formula))
+
+
+@for_each(("tex", "words"), [
+    (r"\frac{1}{2}", ""), ("c_0", ""), (r"\beta", ""), (r"\hat{x}_{i+1}'", ""), (r"\text{100 \%}", ""), (r"\left( x \right.", ""),
+    (r"\mathcal{S}", ""), ("[0, 1)", ""), (r"\frac{1", "not closed"), (r"\frac{1}", "argument"), ("x_{1", "not closed"),
+    ("$", "out of place"), ("$x$", "out of place"), ("x}", "out of place"), (r"\hat", "argument"), (r"\upp", "not known"),
+    (r"\mathbf{x", "not closed"), (r"\text{x", "not closed"), (r"\left( x", "no `\\right`"), ("x^", "argument"),
+])  # fmt: skip
+def test_what_is_no_tex_is_told(tex: str, words: str) -> None:
+    told = "; ".join(mended(tex))
+    assert words in told
+    assert bool(told) == bool(words)
+
+
+def test_sets_are_printed_apart_from_names() -> None:
+    """A constant `S` is not the set of states, on the terminal as elsewhere."""
+    for letter in CALLIGRAPHIC:
+        trees = (m.Ident(letter), m.Ident(letter, "calligraphic"))
+        for printed in (plain, latex, mathml):
+            assert printed(trees[0]) != printed(trees[1])
