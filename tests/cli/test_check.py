@@ -137,6 +137,7 @@ CLAIMS = "claims: [optimal_return == 1, {claim: optimal_return == 1, for: [{n: 2
 ACCEPTED = "accept: {W529: it has too many states, W501: nobody looks for it}\n"
 UNSOUND = WALK.replace("min(s + (a == go), n)", "s + 1 + (a == go)")
 REAL = WALK.replace("s: {type: int,", "s: {type: real,")
+FORBIDDEN = WALK.replace("99}", "99}, p: {type: real, default: 0.5, low: 0}, require: [{condition: p > 0, message: m}]")
 REPEATED = WALK.replace("reward: ", "definitions: {much: 'sum([k * s for k in range(200)])'}\nreward: much >= 0 and ")
 
 LARGE = "5 sanity checks not checked"
@@ -151,8 +152,9 @@ LARGE = "5 sanity checks not checked"
         (WALK + ACCEPTED, ["--limit", "transitions=15"], 0, "5 not checked", f"1 warning accepted, {LARGE}"),
         (WALK + CLAIMS, ["--limit", "transitions=15"], 1, "1 not decided", f"1 error, 1 warning, {LARGE}"),
         (UNSOUND + CLAIMS, [], 1, "3 not checked", "3 claims not checked"),
-        (REPEATED, ["--limit", "expressions=6000"], 1, "1 tried, 1 not checked", "1 setting not checked"),
-        (REAL, [], 0, "2 tried", "no errors, no warnings"),
+        (REPEATED, ["--limit", "expressions=1500"], 1, "2 tried, 1 not checked", "1 setting not checked"),
+        (REAL, [], 0, "3 tried", "no errors, no warnings"),
+        (FORBIDDEN, [], 0, "3 tried, 1 not checked", "no warnings, 1 setting not checked"),
         (WALK + CLAIMS, ["--quick"], 0, "3 not checked", "3 claims not checked"),
         (WALK + CLAIMS, ["-p", "n=4"], 0, "3 not checked", "3 claims not checked"),
     ],

@@ -17,7 +17,7 @@ CASES: dict[str, tuple[str, dict[str, str]]] = {
     "a choice of symbols": ("E203", {"state": "{s: {type: choice, symbols: [p, q]}}"}),
     "a seed that is real": ("E204", {"parameters": "{instance_seed: {type: real, default: 1.5}}"}),
     "a seed that is a choice": ("E204", {"parameters": "{instance_seed: {type: choice, values: [a, b], default: a}}"}),
-    "no end below": ("E213", {"parameters": "{L: {type: int, default: 3, low: 1, high: -.inf}}"}),
+    "no end below": ("E407", {"parameters": "{L: {type: int, default: 3, low: 1, high: -.inf}}"}),
     "an end that is no number": ("E407", {"parameters": "{L: {type: int, default: 3, low: 1, high: .nan}}"}),
     "a mixed legend": ("E307", {"constants": "{m: {grid: ['AB'], legend: {A: 1, B: [1, 2]}}}"}),
     "a reward with odds": ("E401", {"reward": "{1: s}"}),

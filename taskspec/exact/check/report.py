@@ -131,7 +131,7 @@ class Coverage:
 
     Args:
         cases: other parameter values at which soundness was checked.
-        untried_cases: number of other parameter values that were not checked, because a limit forbids so many builds.
+        untried_cases: number of other parameter values that a limit or a `require` kept from the check.
         untried_claims: number of claims that were not evaluated: all of them where a task is not sound, or nobody asked.
         untried: codes of warnings that were not looked for, because a limit forbids the exact model.
         examples: number of examples that were checked.

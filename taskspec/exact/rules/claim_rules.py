@@ -16,7 +16,8 @@ import numpy as np
 
 from taskspec.base.diagnostics import Advice, Collector, SpecError, suggest
 from taskspec.exact.model.model import Model
-from taskspec.exact.model.probabilities import Inexact, Reader
+from taskspec.exact.model.probabilities import TAIL, Inexact, Reader, Slack
+from taskspec.exact.model.transitions import Steps
 from taskspec.exact.rules.evaluator import (
     Evaluator,
     InvalidClaim,
@@ -246,7 +247,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             case s.Name(id=name, primed=False) if name in RETURNS:
                 return self._return(name, expr)
             case s.Name(id="states", primed=False) if not self._is_bound("states"):
-                return Enclosure.exactly(Fraction(int(self._model(expr).entered.sum())))
+                return self._states(self._model(expr))
             case s.Name(id="actions", primed=False) if not self._is_bound("actions"):
                 return Enclosure.exactly(Fraction(self._model(expr).n_actions))
             case s.Call(function="probability"):
@@ -363,11 +364,19 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         self._model(expr, results)
         return results, rule_named(decides, results, self.number)
 
-    def _reachable(self, expr: s.Call) -> tuple[bool, str]:
+    def _states(self, model: Model) -> Enclosure:
+        entered = Fraction(int(model.entered.sum()))
+        if _leaves_out(model):
+            return Enclosure(entered, Fraction(model.states.size))
+        return Enclosure.exactly(entered)
+
+    def _reachable(self, expr: s.Call) -> tuple[bool | None, str]:
         given = self._arguments(expr, ("condition",), ("condition",))
         model = self._model(expr)
         states = condition_over_states(given["condition"], model) & model.entered
         if not states.any():
+            if _leaves_out(model):
+                return None, f"no episode is ever in such a state, unless by draws of a probability below {TAIL}"
             return False, "no episode is ever in such a state"
         return True, f"episodes can be in {model.state_name(int(np.flatnonzero(states)[0]))}"
 
@@ -404,6 +413,12 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         if "at" in given:
             at = condition_over_actions(given["at"], model, of_states=True)
         return preferred(model, solver, rule, wanted, at)
+
+
+def _leaves_out(model: Model) -> bool:
+    """Test whether the model is without the tails of some draws."""
+    steps = Steps(model.task)
+    return Slack.of([*steps.first, *steps.roots]).missing > 0
 
 
 def _sides(left: s.Expr, a: Enclosure, right: s.Expr, b: Enclosure, holds: bool | None) -> str:

@@ -8,6 +8,7 @@ episodes, where a failure is an error, and samples of the declared domain, where
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
+from taskspec.base.display import plural
 from taskspec.base.limits import also, how_to_raise, limits, tell
 from taskspec.exact.model.extract import number_words, outside_domain
 from taskspec.exact.model.points import Method
@@ -27,7 +29,7 @@ from taskspec.language.expressions.ir import reads
 from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.modifiers import modify
 from taskspec.language.registry import load
-from taskspec.language.task.build import build
+from taskspec.language.task.build import bound_parameters, build
 from taskspec.language.task.merge import merge
 from taskspec.language.task.parts import Component, Parameter
 from taskspec.language.task.task import Task, TaskLike
@@ -150,11 +152,10 @@ def parameters(values: Mapping[str, Any]) -> str:
 # -- soundness ------------------------------------------------------------------------------------
 
 RANGE_POINTS = 50_000
-MAX_CASES = 8
-SHARE = 5
-"""Tasks for other parameters have, together, one in so many of the expressions that a task may have."""
-FORBIDDEN = ("E703", "E704", "E720")
+MOST_SETTINGS = 64
+FORBIDDEN = frozenset({"E703", "E704", "E720"})
 """Codes for parameter values that the spec, or a modifier of the task, does not allow."""
+REFUSED = FORBIDDEN | {"E314"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,47 +231,130 @@ class Ranges:
 
 
 def check_ranges(task: TaskLike, beside: Callable[[Task], Sequence[Diagnostic]] | None = None) -> Ranges:
-    """Check a task at corners of the declared ranges of its parameters and between them.
+    """Check a task at the ends of the declared ranges of its parameters.
 
-    Every parameter goes to its ends alone, then all together; a range without an end, or with a far
-    one, is tried up to a few times the default. Values that a `require` forbids are passed over. No more are tried
-    once their builds together would read more than a fifth of the expressions that one task may have; W529 says how many.
+    Every parameter goes to its ends alone, then all together, though not further than a few times the default. In place of
+    an int that a `require` forbids comes the nearest one that it allows, in place of one that is too large a few times the
+    default; W529 says so. All this together reads about as many expressions as one task may have.
 
     Args:
         task: a task at its defaults, or at other values from which the rest are tried.
         beside: gives further problems of a setting at which the task is sound.
     """
     task = load(task)
-    others = cases(task)
-    wrong: list[Diagnostic] = []
-    further: list[Diagnostic] = []
-    tried = []
-    untried = 0
-    left = limits().expressions // SHARE
-    for number, values in enumerate(others):
-        note = parameters(values)
+    trials = _Trials(task, beside)
+    every = settings(task)
+    for setting in every[:MOST_SETTINGS]:
+        trials.add(setting)
+    cases = tuple(trials.tried.values())
+    untried = len(every[MOST_SETTINGS:])
+    for values in trials.wanted:
+        untried += not any(values.items() <= case.items() for case in (*cases, task.values))
+    return Ranges(trials.diagnostics(), cases, untried)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Parameter values to try, and those to try where they are too large."""
+
+    values: dict[str, Any]
+    nearer: dict[str, Any]
+
+
+class _Trials:
+    """Settings of a task that are tried, and those that should be."""
+
+    def __init__(self, task: Task, beside: Callable[[Task], Sequence[Diagnostic]] | None) -> None:
+        self.tried: dict[str, dict[str, Any]] = {}
+        self.wanted: list[dict[str, Any]] = []
+        self._task = task
+        self._beside = beside
+        self._left = limits().expressions
+        self._large: list[tuple[dict[str, Any], Diagnostic]] = []
+        self._wrong: list[Diagnostic] = []
+        self._further: list[Diagnostic] = []
+
+    def add(self, setting: Setting) -> None:
+        values = setting.values
+        refusal = self._try(values)
+        if refusal is not None and refusal.code in FORBIDDEN:
+            values = self._nearest(values) or values
+            refusal = self._try(values)
+        self.wanted.append(values)
+        if refusal is not None and refusal.code not in FORBIDDEN:
+            self._large.append((values, refusal))
+            self._try(setting.nearer)
+
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        large = []
+        if self._large:
+            values, refusal = self._large[0]
+            where = ", ".join(f"{name} = {words(value)}" for name, value in values.items())
+            others = len(self._large) - 1
+            if others:
+                where += f" and {plural(others, 'other setting')}"
+            source = self._task.source
+            place = merge(source.document, source.variant).key_span(("parameters", next(iter(values))))
+            large.append(Diagnostic("W529", place, f"this is not checked at {where}: {refusal.message}", refusal.hint))
+        return (*_new(self._wrong, self._task), *self._further, *large)
+
+    def _try(self, values: dict[str, Any]) -> Diagnostic | None:
+        """Examine the task at some values, if it was not; return why the values are forbidden, or too large."""
+        source = self._task.source
+        changed = {name: value for name, value in values.items() if value != self._task.values[name]}
+        if not changed or repr(changed) in self.tried:
+            return None
+        given = self._task.given | changed
+        note = parameters(given)
         try:
-            with also(f"expressions={left}"):
-                unmodified = build(task.source.document, task.source.variant, values, task.source.suite)
-                other = modify(unmodified, *task.modifiers)
-        except TooManyExpressions:
-            untried = len(others) - number
+            with also(f"expressions={self._left}"):
+                unmodified = build(source.document, source.variant, given, source.suite)
+                other = modify(unmodified, *self._task.modifiers)
+        except TooManyExpressions as error:
+            self._left //= 2
             most = limits().expressions
-            together = f"all together have more than {most // SHARE:,} expressions"
-            message = f"{number} of {len(others)} other settings are checked: {together}"
-            place = merge(task.source.document, task.source.variant).key_span(("parameters",))
-            further.append(Diagnostic("W529", place, message, how_to_raise("expressions", 10 * most)))
-            break
+            message = f"all settings together have more than {most:,} expressions"
+            return replace(error.diagnostics[0], message=message, hint=how_to_raise("expressions", 10 * most))
         except SpecError as error:
-            wrong += [_noted(d, note) for d in error.diagnostics if d.code not in FORBIDDEN]
-            continue
-        left -= other.source.surface.expressions
-        tried.append(values)
+            if REFUSED.issuperset(error.codes):
+                return error.diagnostics[0]
+            self._wrong += [_noted(d, note) for d in error.diagnostics]
+            return None
+        self._left -= other.source.surface.expressions
+        self.tried[repr(changed)] = given
         diagnostics = examine(other, RANGE_POINTS).diagnostics
-        wrong += diagnostics
-        if beside is not None and all(d.severity != "error" for d in diagnostics):
-            further += [_noted(d, note) for d in beside(other)]
-    return Ranges((*_new(wrong, task), *further), tuple(tried), untried)
+        self._wrong += diagnostics
+        if self._beside is not None and all(d.severity != "error" for d in diagnostics):
+            self._further += [_noted(d, note) for d in self._beside(other)]
+        return None
+
+    def _nearest(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Move one parameter after the other as far towards forbidden values as is allowed; ints part of the way."""
+        moved: dict[str, Any] = {}
+        for name, forbidden in values.items():
+            if self._is_allowed(moved | {name: forbidden}):
+                moved[name] = forbidden
+            elif type(forbidden) is int:
+                allowed = self._task.values[name]
+                while abs(forbidden - allowed) > 1:
+                    middle = (allowed + forbidden) // 2
+                    if self._is_allowed(moved | {name: middle}):
+                        allowed = middle
+                    else:
+                        forbidden = middle
+                moved[name] = allowed
+        return moved
+
+    def _is_allowed(self, values: dict[str, Any]) -> bool:
+        source = self._task.source
+        self._left = max(0, self._left - source.surface.expressions)
+        if not self._left:
+            return False
+        try:
+            bound_parameters(source.document, source.variant, self._task.given | values)
+        except SpecError as error:
+            return not FORBIDDEN.issuperset(error.codes)
+        return True
 
 
 def _noted(diagnostic: Diagnostic, note: str) -> Diagnostic:
@@ -289,35 +373,37 @@ def _new(diagnostics: Sequence[Diagnostic], task: Task) -> list[Diagnostic]:
     return fresh
 
 
-def cases(task: Task) -> list[dict[str, Any]]:
-    """Return parameter values to try: all low, all high, then the ends of each range alone."""
-    ends = {p.name: _ends(p) for p in task.parameters if _ends(p)}
-    lowest = {name: values[0] for name, values in ends.items()}
-    highest = {name: values[-1] for name, values in ends.items()}
-    tried: list[dict[str, Any]] = [lowest, highest]
-    for name, values in ends.items():
-        tried += [{name: value} for value in values]
-    distinct: dict[str, dict[str, Any]] = {}
-    for case in tried:
-        changed = {name: value for name, value in case.items() if value != task.values[name]}
-        if changed:
-            distinct.setdefault(repr(changed), task.given | changed)
-    return list(distinct.values())[:MAX_CASES]
+def settings(task: Task) -> list[Setting]:
+    """List the settings to try: the ends of each range alone, then all low and all high."""
+    alone = []
+    lowest = {}
+    highest = {}
+    for p in task.parameters:
+        ends = _ends(p)
+        for end, nearer in ends:
+            if end != task.values[p.name]:
+                alone.append(Setting({p.name: end}, {p.name: nearer}))
+        if ends:
+            lowest[p.name] = ends[0][1]
+            highest[p.name] = ends[-1][1]
+    every = [*alone, Setting(lowest, lowest), Setting(highest, highest)]
+    return list({repr(setting.values): setting for setting in every}.values())
 
 
-def _ends(p: Parameter) -> list[Any]:
-    """Return a few values of a parameter, lowest first: its bounds, or nearer values for missing or far bounds."""
-    if p.kind == "bool":
-        return [False, True]
-    if p.kind == "choice":
-        return list(p.values or ())
+def _ends(p: Parameter) -> list[tuple[Any, Any]]:
+    """Return the ends of a parameter, lowest first, each with a value towards it that is a few times the default at most."""
+    if p.kind in ("bool", "choice"):
+        return [(value, value) for value in p.values or (False, True)]
+    low, high = p.ends
+    kind: Callable[[Any], Any] = float
+    far = 4 * abs(p.default) + 1
     if p.kind == "int":
-        far = 2 * abs(int(p.default)) + 3
-        return sorted({int(max(p.default - far, p.ends[0])), int(min(p.default + far, p.ends[1]))})
-    reach = 4 * abs(float(p.default)) + 1
+        kind = int
+        far = 2 * abs(p.default) + 3
     ends = []
-    if p.low is not None:
-        ends.append(max(float(p.low), float(p.default) - reach))
-    if p.high is not None:
-        ends.append(min(float(p.high), float(p.default) + reach))
-    return sorted(ends)
+    for end, near in ((low, max(p.default - far, low)), (high, min(p.default + far, high))):
+        if math.isfinite(end):
+            ends.append((kind(end), kind(near)))
+        elif p.kind == "int":
+            ends.append((near, near))
+    return ends

@@ -123,6 +123,8 @@ def _bind_parameter(
     try:
         low = _parameter_bound(context, "low", path, scope)
         high = _parameter_bound(context, "high", path, scope)
+        if low is not None and high is not None:
+            check_order(context, [low], [high], path)
         default = _default(context, entry, path, labels, scope)
         domain = None
         if kind == "choice":

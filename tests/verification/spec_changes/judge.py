@@ -16,12 +16,12 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.abstraction.verify import MOST, MOST_ENTRIES, Uncompared, difference
-from taskspec.exact.check.report import check
+from taskspec.exact.check.report import check, set_aside
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import picked
 from taskspec.exact.rules.examples import wrong_examples
-from taskspec.exact.soundness.soundness import cases, check_ranges
+from taskspec.exact.soundness.soundness import check_ranges
 from taskspec.language.expressions.batch import evaluate
 from taskspec.language.expressions.interval import NormalForms
 from taskspec.language.expressions.ir import Read, draw_sites, draws, reads
@@ -80,7 +80,7 @@ def judge(original: Document, tasks: Tasks, mutant: Mutant) -> Judgement:
     except SpecError as error:
         return Judgement.by("error", error.diagnostics[0])
     if mutant.section == "parameters" and mutant.path[-1] in ("low", "high"):  # it decides the range of values alone
-        wrong = next((diagnostic for _, task in pairs for diagnostic in check_ranges(task).diagnostics), None)
+        wrong = next((diagnostic for _, task in pairs for diagnostic in _at_ends(task)), None)
         return Judgement("range") if wrong is None else Judgement.by("error", wrong)
     wrong = next((diagnostic for _, task in pairs for _, diagnostic in wrong_examples(task)), None)  # which costs least
     if wrong is not None:
@@ -93,12 +93,21 @@ def judge(original: Document, tasks: Tasks, mutant: Mutant) -> Judgement:
         found += check(task, ranges=False).diagnostics
     if not found:
         for _, task in pairs:
-            found += check_ranges(task).diagnostics
+            found += _at_ends(task)
     by_class = {_class_of(diagnostic): diagnostic for diagnostic in reversed(found)}
     for kind in ("error", "claim", "warning"):
         if kind in by_class:
             return Judgement.by(kind, by_class[kind])
     return Judgement("order" if mutant.renumbers else "silent")
+
+
+def _at_ends(task: Task) -> list[Diagnostic]:
+    return set_aside(task, check_ranges(task).diagnostics)[0]
+
+
+@lru_cache(maxsize=8)
+def _settings(task: Task) -> tuple[Mapping[str, Any], ...]:
+    return check_ranges(task).cases
 
 
 def _class_of(diagnostic: Diagnostic) -> Class:
@@ -118,7 +127,7 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
     """Return whether two tasks are the same for their parameters as they are, and for all others that are tried."""
     if not same_task(one, other):
         return False
-    for values in cases(one):
+    for values in _settings(one):
         try:
             pair = [build(x.source.document, x.source.variant, values, x.source.suite) for x in (one, other)]
             if not same_task(*pair):
