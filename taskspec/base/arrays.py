@@ -41,9 +41,7 @@ def parts_of(value: Any) -> list[Any]:
 
 def as_matrix(value: Any, rows: int) -> Array:
     """Return the numbers of an array, or of all arrays in a dict side by side, as float64 (rows, columns)."""
-    columns = []
-    for part in parts_of(value):
-        columns.append(np.asarray(part, np.float64).reshape(rows, -1))
+    columns = [np.asarray(part, np.float64).reshape(rows, -1) for part in parts_of(value)]
     return np.hstack(columns)
 
 

@@ -90,10 +90,7 @@ def entries(folder: Path) -> Iterator[Entry]:
 
 def files_in(folder: Path) -> list[tuple[Path, Kind]]:
     """Return the YAML files of a folder, sorted by name, and what each of them holds."""
-    files = []
-    for path, text in _texts(folder):
-        files.append((path, kind_of_text(text)))
-    return files
+    return [(path, kind_of_text(text)) for path, text in _texts(folder)]
 
 
 def _texts(folder: Path) -> Iterator[tuple[Path, str]]:

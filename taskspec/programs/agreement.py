@@ -258,10 +258,7 @@ class ReferenceLanes:
         self._lanes = [ReferenceProgram(task, SEED + i) for i in range(LANES)]
 
     def reset(self) -> list[Seen]:
-        first = []
-        for lane in self._lanes:
-            first.append(self._begin(lane) | self._present(lane))
-        return first
+        return [self._begin(lane) | self._present(lane) for lane in self._lanes]
 
     def step(self, actions: Array) -> list[Seen]:
         results = []
@@ -308,10 +305,7 @@ class ScalarLanes:
         self._lanes = [self._program.start(SEED + i, Clock(), _refused, ended) for i in range(LANES)]
 
     def reset(self) -> list[Seen]:
-        first = []
-        for i in range(LANES):
-            first.append(self._begin(i) | self._present(i))
-        return first
+        return [self._begin(i) | self._present(i) for i in range(LANES)]
 
     def step(self, actions: Array) -> list[Seen]:
         results = []
@@ -363,10 +357,7 @@ class VectorLanes:
     def reset(self) -> list[Seen]:
         self._engine.reset()
         observations = self._engine.buffers.seen.view()
-        first = []
-        for i in range(LANES):
-            first.append({FIRST: part_at(observations, i)} | self._present(i))
-        return first
+        return [{FIRST: part_at(observations, i)} | self._present(i) for i in range(LANES)]
 
     def step(self, actions: Array) -> list[Seen]:
         self._engine.step(actions)

@@ -347,9 +347,7 @@ def _fill(lane: LaneEmitter, node: Apply) -> LaneValue:
 def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
     x, i = node.args
     row = strided(x.type.shape)
-    picked = []
-    for index in lane.atoms(i):
-        picked.append(_row(lane, x, index, row))
+    picked = [_row(lane, x, index, row) for index in lane.atoms(i)]
     if len(picked) == 1:
         return picked[0]
     if all(p.atoms is not None for p in picked):

@@ -79,7 +79,7 @@ def test_a_failure_is_an_error_with_the_parameters_that_show_it(fresh: None, mon
     (error,) = exact.check(lift()).errors
     assert (error.code, error.span.line) == ("E801", 3)
     assert error.message.startswith("the scalar program fails: NameError: name 'v")
-    assert error.notes == ("parameters: top = 21",)
+    assert error.notes == ("parameters: top = 40",)
 
 
 def test_a_wrong_operator_is_found(fresh: None, monkeypatch: pytest.MonkeyPatch) -> None:

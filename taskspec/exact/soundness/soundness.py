@@ -244,18 +244,18 @@ def check_ranges(task: TaskLike, beside: Callable[[Task], Sequence[Diagnostic]] 
     task = load(task)
     trials = _Trials(task, beside)
     every = settings(task)
-    for setting in every[:MOST_SETTINGS]:
-        trials.add(setting)
+    for ends in every[:MOST_SETTINGS]:
+        trials.add(ends)
     cases = tuple(trials.tried.values())
     untried = len(every[MOST_SETTINGS:])
     for values in trials.wanted:
-        untried += not any(values.items() <= case.items() for case in (*cases, task.values))
+        untried += not any(values.items() <= (task.values | case).items() for case in (*cases, {}))
     return Ranges(trials.diagnostics(), cases, untried)
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
-    """Parameter values to try, and those to try where they are too large."""
+class Ends:
+    """Values of one or more parameters to try, and those to try where they are too large."""
 
     values: dict[str, Any]
     nearer: dict[str, Any]
@@ -274,8 +274,8 @@ class _Trials:
         self._wrong: list[Diagnostic] = []
         self._further: list[Diagnostic] = []
 
-    def add(self, setting: Setting) -> None:
-        values = setting.values
+    def add(self, ends: Ends) -> None:
+        values = ends.values
         refusal = self._try(values)
         if refusal is not None and refusal.code in FORBIDDEN:
             values = self._nearest(values) or values
@@ -283,7 +283,7 @@ class _Trials:
         self.wanted.append(values)
         if refusal is not None and refusal.code not in FORBIDDEN:
             self._large.append((values, refusal))
-            self._try(setting.nearer)
+            self._try(ends.nearer)
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         large = []
@@ -373,7 +373,7 @@ def _new(diagnostics: Sequence[Diagnostic], task: Task) -> list[Diagnostic]:
     return fresh
 
 
-def settings(task: Task) -> list[Setting]:
+def settings(task: Task) -> list[Ends]:
     """List the settings to try: the ends of each range alone, then all low and all high."""
     alone = []
     lowest = {}
@@ -382,11 +382,11 @@ def settings(task: Task) -> list[Setting]:
         ends = _ends(p)
         for end, nearer in ends:
             if end != task.values[p.name]:
-                alone.append(Setting({p.name: end}, {p.name: nearer}))
+                alone.append(Ends({p.name: end}, {p.name: nearer}))
         if ends:
             lowest[p.name] = ends[0][1]
             highest[p.name] = ends[-1][1]
-    every = [*alone, Setting(lowest, lowest), Setting(highest, highest)]
+    every = [*alone, Ends(lowest, lowest), Ends(highest, highest)]
     return list({repr(setting.values): setting for setting in every}.values())
 
 

@@ -230,9 +230,7 @@ def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> Non
     stay in cache.
     """
     for place in _chunks(*y0.shape):
-        keys = []
-        for p, q in schedule:
-            keys.append((_part(p, place), _part(q, place)))
+        keys = [(_part(p, place), _part(q, place)) for p, q in schedule]
         second = y1[place]
         x0, x1 = _rounds(keys, _part(c0, place), _part(c1, place), y0[place].shape, both=second.size > 0)
         np.add(x0, keys[5][0], y0[place])

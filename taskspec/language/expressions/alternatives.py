@@ -108,9 +108,7 @@ def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) ->
 
 def alternative_values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
     domains = wanted(exprs, scope, want)
-    jobs = []
-    for e, domain in zip(exprs, domains, strict=True):
-        jobs.append((e, scope, domain))
+    jobs = [(e, scope, domain) for e, domain in zip(exprs, domains, strict=True)]
     return checker.each(checker.value, jobs)
 
 
@@ -225,9 +223,7 @@ def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | N
     exprs = [value for value, _ in expr.pairs]
     weights = [weight for _, weight in expr.pairs]
     values = alternative_values(checker, exprs, scope, want)
-    p = []
-    for node in checker.numerics(weights, scope):
-        p.append(b.cast(node, Kind.REAL))
+    p = [b.cast(node, Kind.REAL) for node in checker.numerics(weights, scope)]
     for node, weight in zip(p, weights, strict=True):
         if not node.type.is_scalar:
             checker.fail("E307", weight, "a probability is a single number")
@@ -279,9 +275,7 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
     leaves = _leaves(checker, expr.rows, columns, scope)
     cells_of = [cell for _, cell in leaves]
     domains = wanted(cells_of, scope, want)
-    jobs = []
-    for e, w in zip(cells_of, domains, strict=True):
-        jobs.append((checker, e, scope, w))
+    jobs = [(checker, e, scope, w) for e, w in zip(cells_of, domains, strict=True)]
     cells = checker.each(_outcomes, jobs)
     values, exprs, _ = zip(*itertools.chain(*cells), strict=True)
     nodes, domain = unify(checker, values, exprs, want)
@@ -348,9 +342,7 @@ def _refuse_unclear(
 
 
 def _mapping(keys: Sequence[str], cells: Sequence[str]) -> str:
-    entries = []
-    for key, cell in zip(keys, cells, strict=True):
-        entries.append(f"{key}: {cell}")
+    entries = [f"{key}: {cell}" for key, cell in zip(keys, cells, strict=True)]
     return f"{{{', '.join(entries)}}}"
 
 

@@ -161,9 +161,7 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
     checker.expand(expr)
     values = checker.each(checker.value, [(e, scope) for e in expr.args])
     _check_count(checker, expr, function.signature, function.accepts(len(values)))
-    given = []
-    for v, e in zip(values, expr.args, strict=True):
-        given.append(named(v, e, scope))
+    given = [named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
     return _applied(checker, function, expr, given, want)
 
 
@@ -380,9 +378,7 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
     """Pick a block of a matrix by several indices, an axis for each slice: elements of its rows laid end to end."""
     b = checker.builder
     axes = node.type.shape[: len(expr.indices)]
-    jobs = []
-    for i, n in zip(expr.indices, axes, strict=True):
-        jobs.append((checker, i, n, scope))
+    jobs = [(checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)]
     places = checker.each(_places, jobs)
     if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
         hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"

@@ -284,9 +284,7 @@ def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> No
     """Draw indices with the probabilities that `row` gives of p, one for each element of a draw."""
     if p.type.is_scalar:
         return b.draw("categorical", (row(p),), Type(Kind.INT, shape))
-    drawn = []
-    for q in _elements(b, p, shape):
-        drawn.append(b.draw("categorical", (row(q),), INT))
+    drawn = [b.draw("categorical", (row(q),), INT) for q in _elements(b, p, shape)]
     return b.structure("reshape", [b.structure("vector", drawn)], shape)
 
 
@@ -295,10 +293,7 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
         return [node]
     size = math.prod(shape)
     flat = b.structure("reshape", [b.stretch(node, shape)], (size,))
-    elements = []
-    for i in range(size):
-        elements.append(b.structure("element", [flat], (i,)))
-    return elements
+    return [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
 _P = Argument("p", low=0, high=1)

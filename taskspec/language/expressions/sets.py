@@ -169,9 +169,7 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
         if len(clause.targets) > 1:
             if repeated.ndim < 2 or repeated.shape[1] != len(clause.targets):
                 checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
-            parts = []
-            for i, name in enumerate(clause.targets):
-                parts.append((name, repeated[:, i]))
+            parts = [(name, repeated[:, i]) for i, name in enumerate(clause.targets)]
         for name, column in parts:
             ends = (0.0, 0.0)
             if column.size:
@@ -252,9 +250,7 @@ def _box(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
 def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    ends = []
-    for e in expr.args:
-        ends.append(checker.integer(e, scope, "an argument of `range`"))
+    ends = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
     if len(ends) == 3 and ends[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*ends)
@@ -299,9 +295,7 @@ def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     sides = [_Side(checker, expr.first, scope)]
     for _, side in expr.rest:
         sides.append(_Side(checker, side, scope))
-    links = []
-    for i, (op, _) in enumerate(expr.rest):
-        links.append((op, sides[i], sides[i + 1]))
+    links = [(op, sides[i], sides[i + 1]) for i, (op, _) in enumerate(expr.rest)]
     return reduce(partial(checker.builder.apply, "and"), checker.each(_link, links))
 
 
@@ -360,9 +354,7 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
             return b.apply("not", member)
         return member
     if op in ("==", "!=") and _of_choices(left, right):
-        parts = []
-        for pair in zip(left.parts, right.parts, strict=True):
-            parts.append((op, *pair))
+        parts = [(op, *pair) for pair in zip(left.parts, right.parts, strict=True)]
         return checker.stack(checker.each(_link, parts), left.expr)
     if op in ("==", "!="):
         one, other = _alike(left, right)
@@ -408,15 +400,11 @@ def _member(left: _Side, right: _Side) -> Node:
     items: tuple[s.Expr, ...] = ()
     if isinstance(right.expr, s.SetOf | s.Vector):
         items = right.expr.items
-    sides = []
-    for item in items:
-        sides.append(_Side(checker, item, right.scope))
+    sides = [_Side(checker, item, right.scope) for item in items]
     if not sides or not all(_of_choices(left, side) for side in sides):
         return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)
     same = checker.each(_link, [("==", left, side) for side in sides])
-    conditions = []
-    for node in same:
-        conditions.append(checker.builder.apply("all", node))
+    conditions = [checker.builder.apply("all", node) for node in same]
     return reduce(partial(checker.builder.apply, "or"), conditions)
 
 
@@ -431,9 +419,7 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
         items = element.items
     if len(items) != len(parts):
         return _member_of_values(checker, left.value(), left.expr, right, scope)
-    domains = []
-    for part in parts:
-        domains.append(alternatives.domain_of(part.expr, scope))
+    domains = [alternatives.domain_of(part.expr, scope) for part in parts]
     wants = {}
     for item, domain in zip(items, domains, strict=True):
         if isinstance(item, s.Name):

@@ -168,12 +168,8 @@ def keeps_observers(task: Task, *modifiers: Written) -> bool:
 
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """Modify the finite stand-in of a task alike; None where modifiers leave it none."""
-    entries = []
-    for m in task.modifiers:
-        entries.append((m, MODIFIERS[m.name]))
-    ways = []
-    for m, entry in entries:
-        ways.append((m, entry.abstraction(arguments(entry, m))))
+    entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
+    ways = [(m, entry.abstraction(arguments(entry, m))) for m, entry in entries]
     if any(way == "lost" for _, way in ways):
         return None
     return modify(unmodified, *(m for m, way in ways if way == "modified as well"))

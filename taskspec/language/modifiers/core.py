@@ -334,10 +334,7 @@ def elements(b: Builder, node: Node) -> list[Node]:
     if node.type.is_scalar:
         return [node]
     flat = b.structure("reshape", [node], (node.type.size,))
-    elements = []
-    for i in range(node.type.size):
-        elements.append(b.structure("element", [flat], (i,)))
-    return elements
+    return [b.structure("element", [flat], (i,)) for i in range(node.type.size)]
 
 
 def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:

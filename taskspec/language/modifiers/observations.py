@@ -65,9 +65,7 @@ def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
 def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
-        nodes = []
-        for node in seen.nodes:
-            nodes.append(core.noisy(b, node, given["std"]))
+        nodes = [core.noisy(b, node, given["std"]) for node in seen.nodes]
     components = []
     for c in seen.components:
         size = c.type.size
@@ -80,9 +78,7 @@ def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
         p = b.scalar(given["probability"])
-        gone = []
-        for n in seen.nodes:
-            gone.append(DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape))
+        gone = [DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape) for n in seen.nodes]
     nodes = []
     for lost, n in zip(gone, seen.nodes, strict=True):
         nothing = b.stretch(b.const(0, Type(n.type.kind)), n.type.shape)

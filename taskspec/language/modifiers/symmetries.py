@@ -120,9 +120,7 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:
-    given = []
-    for c in part.inputs:
-        given.append(core.present(b, c, Role.ACTION))
+    given = [core.present(b, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)
     core.combinations(part.inputs, "the actions of a symmetry", core.MOST)

@@ -71,9 +71,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
         whole = context.forms.expr(path)
     parts: Sequence[s.Expr | None] = [whole]
     if isinstance(at, list):
-        parts = []
-        for i in range(len(at)):
-            parts.append(context.forms.expr((*path, i)))
+        parts = [context.forms.expr((*path, i)) for i in range(len(at))]
     elif isinstance(whole, s.Vector):
         parts = whole.items  # `at: "[x, y]"` is the same as `at: [x, y]`
     nodes = [_number_of(context, expr, scope) for expr in parts]
@@ -130,9 +128,7 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     else:
         return None
     width = node.type.shape[1]
-    rows = []
-    for i in range(0, len(letters), width):
-        rows.append("".join(letters[i : i + width]))
+    rows = ["".join(letters[i : i + width]) for i in range(0, len(letters), width)]
     return tuple(rows)
 
 

@@ -111,9 +111,7 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
         high = part.listed.max(axis=0).tolist()
         yield from zip(map(float, low), map(float, high), strict=True)
     elif part.moves is not None:
-        ends = []
-        for end in _ends(part.inputs):
-            ends.append(_made(part.moves, end))
+        ends = [_made(part.moves, end) for end in _ends(part.inputs)]
         yield from zip(np.minimum(*ends).tolist(), np.maximum(*ends).tolist(), strict=True)
 
 

@@ -279,9 +279,7 @@ def build_abstract(task: Task) -> Task | None:
         return build_merged(merged, task.values, task.source.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
-        diagnostics = []
-        for d in error.diagnostics:
-            diagnostics.append(replace(d, notes=(*d.notes, note)))
+        diagnostics = [replace(d, notes=(*d.notes, note)) for d in error.diagnostics]
         raise SpecError(diagnostics) from None
 
 

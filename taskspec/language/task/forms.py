@@ -97,9 +97,7 @@ class Forms:
     def _vector(self, items: list[Any], path: Path) -> s.Expr | None:
         if len(items) == 1 and isinstance(items[0], str) and _FOR.search(items[0]):
             return self.parsed(self._in_brackets(items[0], (*path, 0)), path)
-        exprs = []
-        for i, item in enumerate(items):
-            exprs.append(self.tree(item, (*path, i)))
+        exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
         elements = tuple(e for e in exprs if e is not None)
         if len(elements) == len(items):
             return s.Vector(elements, self.place(path))

@@ -150,9 +150,7 @@ class Component:
     @property
     def counts(self) -> tuple[int, ...]:
         """For a finite component, how many values each element takes."""
-        counts = []
-        for b, h in zip(self.low, self.high, strict=True):
-            counts.append(int(h - b) + 1)
+        counts = [int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True)]
         return tuple(counts)
 
     @property

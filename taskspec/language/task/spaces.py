@@ -298,16 +298,12 @@ def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
     held = [value]
     if layout.is_dict:
         held = [value[part.name] for part in layout.parts]
-    parts = []
-    for each in held:
-        parts.append(np.asarray(each).ravel().tolist())
+    parts = [np.asarray(each).ravel().tolist() for each in held]
     flats = []
     for c, segment in zip(layout.components, layout.segments, strict=True):
         flat = parts[segment.part][segment.first : segment.first + segment.size]
         if segment.starts:
             digits = flat
-            flat = []
-            for item, start in zip(digits, segment.starts, strict=True):
-                flat.append(item + start)
+            flat = [item + start for item, start in zip(digits, segment.starts, strict=True)]
         flats.append(tuple(flat if c.type.kind is Kind.REAL else map(round, flat)))
     return flats

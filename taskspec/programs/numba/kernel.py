@@ -228,12 +228,8 @@ class KernelLane(LaneEmitter):
         a = self.assign(self.scalar(i))
         b = self.assign(self.scalar(j))
         old = list(map(self.assign, self.atoms(x)))
-        at_a = []
-        for c in range(row):
-            at_a.append(self._chain(old[c::row], a))
-        at_b = []
-        for c in range(row):
-            at_b.append(self._chain(old[c::row], b))
+        at_a = [self._chain(old[c::row], a) for c in range(row)]
+        at_b = [self._chain(old[c::row], b) for c in range(row)]
         made = []
         for k, v in enumerate(old):
             kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")

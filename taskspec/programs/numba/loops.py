@@ -210,10 +210,7 @@ def action_places(p: Program) -> list[tuple[str, str]]:
             names.append(f"a_{i}_{k}")
     if len(names) == 1:
         return [(names[0], "j")]
-    places = []
-    for k, name in enumerate(names):
-        places.append((name, f"j * {len(names)} + {k}"))
-    return places
+    return [(name, f"j * {len(names)} + {k}") for k, name in enumerate(names)]
 
 
 def check(p: Program) -> LoopFunction:
@@ -300,10 +297,7 @@ def advance(p: Program) -> LoopFunction:
 
 
 def _stored(values: dict[str, str]) -> list[str]:
-    lines = []
-    for row, value in values.items():
-        lines.append(f"{row}[j] = {value}")
-    return lines
+    return [f"{row}[j] = {value}" for row, value in values.items()]
 
 
 def _results(p: Program, step: Statements, state: dict[str, str], seen: dict[str, str]) -> tuple[list[str], list[str]]:

@@ -92,9 +92,7 @@ def _step(p: Program, advancing: LoopFunction, beginning: LoopFunction) -> list[
 
 
 def _blocks(p: Program, body: list[str]) -> list[str]:
-    rows = []
-    for row in p.rows_in(body):
-        rows.append(f"{row} = {p.rows[row]}")
+    rows = [f"{row} = {p.rows[row]}" for row in p.rows_in(body)]
     lines = [f"n = min({p.block}, stop - first)", *rows, *body]
     return [f"for first in range(start, stop, {p.block}):", *indent(lines)]
 

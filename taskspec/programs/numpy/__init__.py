@@ -231,9 +231,7 @@ class NumpyEngine:
         size = 1
         if lanes:
             size = max(1, -(-lanes // -(-lanes // BLOCK)))
-        places = []
-        for i in range(0, lanes, size):
-            places.append(slice(i, min(i + size, lanes)))
+        places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
         self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:

@@ -254,9 +254,7 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
         lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
     else:
         seen = [f"seen{i}" for i in range(len(again.seen))]
-        lines = []
-        for i, name in enumerate(seen):
-            lines.append(f"copyto(final{i}, {name})")
+        lines = [f"copyto(final{i}, {name})" for i, name in enumerate(seen)]
         lines += _put([*states, *seen], [*again.state, *again.seen])
     return ["if count:", *indent([*lines, "putmask(t, ended, ZERO)"])]
 

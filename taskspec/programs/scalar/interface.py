@@ -180,9 +180,7 @@ def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
     if not is_kept(task):
         new_state = flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
-    items = []
-    for name in task.info:
-        items.append(f'"{name}": {sources[name]}')
+    items = [f'"{name}": {sources[name]}' for name in task.info]
     if measures:
         values = zip(task.process.measures, measures, strict=True)
         items.append('"measures": {' + ", ".join(f"{name!r}: {source}" for name, source in values) + "}")

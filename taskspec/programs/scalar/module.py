@@ -103,9 +103,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     lane = _lane(parts, phase, states, (), constants)
     values = lane.emit((*phase.roots, *phase.observation))
     types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
-    stored = []
-    for n, v in zip(phase.roots, types, strict=True):
-        stored.append(_stored(lane, n, v))
+    stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
     for i, c in enumerate(task.state):
         if c.name in parts.cold:
             stored[i] = "None"
@@ -170,9 +168,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     observation, statements = _seen(lane, parts, terminal, values[len(phase.roots) :], own)
     end, flags = _ending(task, terminal)
     inner = lane.finish(statements, [*stored.values(), observation, reward, terminal, *measures])
-    kept = []
-    for i, source in stored.items():
-        kept.append((states[i], source))
+    kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     body += interface.old_state(task, states)
     nonlocals = [states[i] for i in changed]
@@ -240,9 +236,7 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
     else:
         nodes = ()
     lane.emit((*parts.invariants.nodes, *nodes))
-    fixed = []
-    for n in parts.invariants.nodes:
-        fixed.append(_stored(lane, n, n.type))
+    fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
     lines = []
     for name, source in zip(parts.invariants.names, fixed, strict=True):
         lines.append(f"{name} = {source}")

@@ -335,16 +335,12 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
         raise Refused(f"`dot` needs rows as long as columns: the shapes {shapes} do not match", "E307")
     rows = [x]
     if len(x.type.shape) == 2:
-        rows = []
-        for i in range(x.type.shape[0]):
-            rows.append(b.structure("element", [x], (i,)))
+        rows = [b.structure("element", [x], (i,)) for i in range(x.type.shape[0])]
     columns = [y]
     if len(y.type.shape) == 2:
         height, width = y.type.shape
         flat = b.structure("reshape", [y], (height * width,))
-        columns = []
-        for j in range(width):
-            columns.append(b.structure("slice", [flat], (j, height, width)))
+        columns = [b.structure("slice", [flat], (j, height, width)) for j in range(width)]
     products = []
     for row in rows:
         for column in columns:

@@ -158,19 +158,12 @@ def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], 
     rows = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
         exact = list(map(draws.thresholds, rows))
-        columns = []
-        for i in range(k - 1):
-            columns.append(_column(b, [t[i] for t in exact], row))
+        columns = [_column(b, [t[i] for t in exact], row) for i in range(k - 1)]
         return [_reached(b, columns, w) for w in words]
     limits, last = draws.threshold_table(rows)
-    columns = []
-    for i in range(k - 1):
-        columns.append(_column(b, [int(v) - bias for v in limits[:, i]], row))
+    columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
     most = _column(b, last.tolist(), row)
-    outcomes = []
-    for w in words:
-        outcomes.append(b.apply("min2", _reached(b, columns, w), most))
-    return outcomes
+    return [b.apply("min2", _reached(b, columns, w), most) for w in words]
 
 
 def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:

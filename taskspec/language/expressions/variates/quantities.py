@@ -32,9 +32,7 @@ def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str
     largest = _largest(k, [value for value, _ in values])
     logs = [k.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
     most = _largest(k, logs)
-    parts = []
-    for x in logs:
-        parts.append(k.assign(f"exp32({x} - {most})"))
+    parts = [k.assign(f"exp32({x} - {most})") for x in logs]
     total = parts[0]
     for part in parts[1:]:
         total = k.assign(f"({total} + {part})")
@@ -99,12 +97,8 @@ def _poisson_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> 
             lines.append(f"i32(poisson({group}, {each}, {arguments}))")
         return lines
     assert isinstance(rate, Const)
-    tables = []
-    for r in entry.stretched(rate.flat, len(words)):
-        tables.append(draws.poisson_table(float(r)))
-    named = []
-    for first, limits in tables:
-        named.append((first, k.array(np.array(limits, np.int64))))
+    tables = [draws.poisson_table(float(r)) for r in entry.stretched(rate.flat, len(words))]
+    named = [(first, k.array(np.array(limits, np.int64))) for first, limits in tables]
     return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
 
 
