@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, Protocol
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from taskspec.base.display import plural
 from taskspec.base.limits import tell
 from taskspec.language import draws
 from taskspec.language.expressions.batch import DTYPES
-from taskspec.language.expressions.ir import children, plain, walk
+from taskspec.language.expressions.ir import Apply, Draw, Node, are_constant, children, plain, walk
 from taskspec.language.expressions.types import Kind, total_size
 from taskspec.language.task.parts import are_finite
 from taskspec.language.task.spaces import SpaceLayout, pack, unpack
@@ -31,6 +32,8 @@ QUICK = ("scalar", "numpy")
 """Programs that are generated in milliseconds; others take seconds to compile."""
 LANES = 2
 STEPS = 6
+FINITE_STEPS = 128
+"""Steps of a finite task, in which everything is compared exactly."""
 FEWER_STEPS = 2
 """Steps at further settings of a task, where the same program works with other numbers."""
 WORK = 10_000
@@ -44,6 +47,9 @@ ROUNDING = 1e-9
 """The largest difference of reals of double precision after one step, relative to 1 + |x|."""
 SINGLE = 1e-6
 """The same of numbers that are kept in single precision."""
+
+NEAR = 1e-4
+"""The distance from a threshold, relative to 1 + |x|, within which a real in single precision may decide otherwise."""
 
 
 class ProgramChecks:
@@ -67,6 +73,8 @@ class ProgramChecks:
         problems = []
         if any(self.settings.values()):
             reference = ReferenceRun(task, FEWER_STEPS)
+        elif are_finite(task.state):
+            reference = ReferenceRun(task, FINITE_STEPS)
         else:
             reference = ReferenceRun(task, STEPS)
         for program in tuple(self._programs):
@@ -119,6 +127,22 @@ class ReferenceRun:
     def _lanes(self) -> ReferenceLanes:
         return ReferenceLanes(self.task)
 
+    def rounds(self, step: int) -> bool:
+        """Test whether rounding to single precision may decide something in a step; in the first reset for 0."""
+        decisions = walk((*self.task.reset_roots, *self.task.mask))
+        if any(map(_rounded, decisions)):
+            return True
+        nodes = list(walk(self.task.step_roots))
+        lanes = ReferenceLanes(self.task)
+        lanes.reset()
+        for actions, _ in self.steps[: step - 1]:
+            lanes.step(actions)
+        for actions, _ in self.steps[step - 1 : step]:
+            for values in lanes.values(nodes, actions):
+                if _rounding_decides(nodes, values):
+                    return True
+        return False
+
 
 def random_actions(layout: SpaceLayout, rng: np.random.Generator) -> Array:
     """Draw an action for every lane, as Gymnasium has them: uniform, near 0 or their end where they lack an end."""
@@ -150,35 +174,69 @@ def difference(reference: ReferenceRun, program: str) -> str | None:
         raise spec_error("E705", "not installed")
     if program != "scalar" and not backend_table.suits(program, task):
         raise spec_error("E713", "too large to compile")
+    tolerance = 0.0
     try:
         if program == "scalar":
-            return _first_difference(ScalarLanes(task), reference, 0.0)
-        tolerance = max(ROUNDING, backend_table.BACKENDS[program].tolerance)
-        problem = _first_difference(VectorLanes(task, program), reference, tolerance)
+            problem = _first_difference(ScalarLanes(task), reference, tolerance)
+        else:
+            tolerance = max(ROUNDING, backend_table.BACKENDS[program].tolerance)
+            problem = _first_difference(VectorLanes(task, program), reference, tolerance)
     except SpecError:
         raise
     except Exception as error:  # generated code may raise anything
         return f"fails: {type(error).__name__}: {error}"
-    if problem is not None and tolerance > SINGLE and _reals_decide(task):
+    if problem is None:
+        return None
+    step, words = problem
+    if tolerance > SINGLE and reference.rounds(step):
         raise spec_error("E713", "in single precision, a real may decide otherwise")
-    return problem
+    return f"differs from the interpreter: after {plural(step, 'step') if step else 'reset()'}, {words}"
 
 
-def _reals_decide(task: Task) -> bool:
-    for node in walk(task.roots):
-        if node.type.kind is not Kind.REAL and any(child.type.kind is Kind.REAL for child in children(node)):
+def _rounded(node: Node, exact: Collection[int] = ()) -> bool:
+    """Test whether something else than a real follows from a real that is not among those of the given ids."""
+    if node.type.kind is Kind.REAL or (isinstance(node, Draw) and are_constant(node.args)):
+        return False
+    return any(child.type.kind is Kind.REAL and id(child) not in exact for child in children(node))
+
+
+def _rounding_decides(nodes: Sequence[Node], values: Sequence[Flat]) -> bool:
+    """Test whether something is decided by reals near a threshold which float32 does not hold; children come first."""
+    exact = set[int]()
+    numbers = {}
+    for node, flat in zip(nodes, values, strict=True):
+        numbers[id(node)] = np.array(list(map(plain, flat)), float)
+        below = children(node)
+        if _rounded(node, exact) and _is_near(node, [numbers[id(child)] for child in below]):
             return True
+        with np.errstate(over="ignore"):
+            is_held = np.array_equal(numbers[id(node)].astype(np.float32), numbers[id(node)])
+        if is_held and all(id(child) in exact for child in below):
+            exact.add(id(node))
     return False
 
 
-def _first_difference(lanes: Lanes, reference: ReferenceRun, tolerance: float) -> str | None:
+def _is_near(node: Node, args: Sequence[Array]) -> bool:
+    """Test whether a rounding error in its arguments may change a comparison or an int; of other nodes it may."""
+    match node:
+        case Apply(op="lt" | "le" | "eq" | "ne"):
+            apart = args[0] - args[1]
+        case Apply(op="floor" | "ceil" | "round"):
+            apart = args[0] - np.rint(2 * args[0]) / 2
+        case _:
+            return True
+    return not np.all(np.abs(apart) > NEAR * (1 + np.abs(args[0])))
+
+
+def _first_difference(lanes: Lanes, reference: ReferenceRun, tolerance: float) -> tuple[int, str] | None:
+    """Compare until something differs; return the step, 0 for the first reset, and what differs after it."""
     problem = _different(lanes.reset(), reference.first, tolerance)
     if problem is not None:
-        return f"differs from the interpreter: after reset(), {problem}"
+        return 0, problem
     for step, (actions, expected) in enumerate(reference.steps, 1):
         problem = _different(lanes.step(actions), expected, tolerance)
         if problem is not None:
-            return f"differs from the interpreter: after {plural(step, 'step')}, {problem}"
+            return step, problem
         lanes.follow(expected)
     return None
 
@@ -218,22 +276,54 @@ def _words(value: Any) -> str:
 
 Seen = dict[str, Any]
 """The values of one lane after a reset or a step, by their names in messages."""
+FIRST = "the first observation"
 
 
-class Lanes(Protocol):
+class Lanes:
     """Some environments of a task; one whose episode ends in a step begins the next in the same step."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
 
     def reset(self) -> list[Seen]:
         """Begin an episode in every lane."""
+        first = []
+        for i in range(LANES):
+            first.append(self._begin(i) | self._present(i))
+        return first
 
     def step(self, actions: Array) -> list[Seen]:
         """Take a step in every lane."""
+        results = []
+        for i, action in enumerate(actions):
+            seen = self._move(i, action)
+            if seen["`terminated`"] or seen["`truncated`"]:
+                seen |= self._begin(i)
+            results.append(seen | self._present(i))
+        return results
 
     def follow(self, seen: Sequence[Seen]) -> None:
         """Take over the states of other lanes, so that rounding errors of reals do not grow from step to step."""
 
+    def _begin(self, i: int) -> Seen:
+        raise NotImplementedError
 
-FIRST = "the first observation"
+    def _move(self, i: int, action: Any) -> Seen:
+        raise NotImplementedError
+
+    def _state(self, i: int) -> Sequence[Any]:
+        raise NotImplementedError
+
+    def _mask(self, i: int) -> Any:
+        raise NotImplementedError
+
+    def _present(self, i: int) -> Seen:
+        seen = {}
+        for c, value in zip(self._task.state, self._state(i), strict=True):
+            seen[f"'{c.name}'"] = np.array(value, DTYPES[c.type.kind]).reshape(-1)
+        if self._task.mask:
+            seen["the mask of legal actions"] = self._mask(i)
+        return seen
 
 
 def _step(observation: Any, reward: Any, terminated: Any, truncated: Any, measures: Mapping[str, Any]) -> Seen:
@@ -243,138 +333,112 @@ def _step(observation: Any, reward: Any, terminated: Any, truncated: Any, measur
     return seen
 
 
-def _state(task: Task, values: Sequence[Any]) -> Seen:
-    seen = {}
-    for c, value in zip(task.state, values, strict=True):
-        seen[f"'{c.name}'"] = np.array(value, DTYPES[c.type.kind]).reshape(-1)
-    return seen
-
-
-class ReferenceLanes:
+class ReferenceLanes(Lanes):
     """Lanes of the reference interpreter."""
 
     def __init__(self, task: Task) -> None:
-        self._task = task
+        super().__init__(task)
         self._lanes = [ReferenceProgram(task, SEED + i) for i in range(LANES)]
 
-    def reset(self) -> list[Seen]:
-        return [self._begin(lane) | self._present(lane) for lane in self._lanes]
-
-    def step(self, actions: Array) -> list[Seen]:
-        results = []
+    def values(self, nodes: Sequence[Node], actions: Array) -> Iterator[list[Flat]]:
+        """Values of nodes in the step to come, for each lane."""
         for lane, action in zip(self._lanes, actions, strict=True):
-            left = lane.state
-            flats, reward, terminated, truncated = lane.step(unpack(self._task.action_layout, action))
-            observation = pack(self._task.observation_layout, flats)
-            seen = _step(observation, reward, terminated, truncated, lane.measures)
-            states = {"old_state": left, "new_state": lane.state}
-            for name in self._task.info:
-                seen[name] = self._info(states[name])
-            if terminated or truncated:
-                seen |= self._begin(lane)
-            results.append(seen | self._present(lane))
-        return results
+            yield lane.values(nodes, unpack(self._task.action_layout, action))
 
-    def _begin(self, lane: ReferenceProgram) -> Seen:
-        return {FIRST: pack(self._task.observation_layout, lane.reset())}
+    def _begin(self, i: int) -> Seen:
+        return {FIRST: pack(self._task.observation_layout, self._lanes[i].reset())}
 
-    def _present(self, lane: ReferenceProgram) -> Seen:
-        seen = _state(self._task, [list(map(plain, flat)) for flat in lane.state])
-        if self._task.mask:
-            seen["the mask of legal actions"] = lane.mask()
+    def _move(self, i: int, action: Any) -> Seen:
+        lane = self._lanes[i]
+        states = {"old_state": lane.state}
+        flats, reward, terminated, truncated = lane.step(unpack(self._task.action_layout, action))
+        states["new_state"] = lane.state
+        seen = _step(pack(self._task.observation_layout, flats), reward, terminated, truncated, lane.measures)
+        for name in self._task.info:
+            seen[name] = self._info(states[name])
         return seen
 
+    def _state(self, i: int) -> Sequence[Any]:
+        return [list(map(plain, flat)) for flat in self._lanes[i].state]
+
+    def _mask(self, i: int) -> Any:
+        return self._lanes[i].mask()
+
     def _info(self, state: Sequence[Flat]) -> Array:
-        numbers = []
-        for flat in state:
-            for number in flat:
-                numbers.append(plain(number))
+        numbers = list(map(plain, chain.from_iterable(state)))
         if are_finite(self._task.state):
             return np.array(numbers, np.int64)
         with np.errstate(over="ignore"):
             return np.array(numbers, np.float64).astype(np.float32)
 
 
-class ScalarLanes:
+class ScalarLanes(Lanes):
     """Lanes of the scalar program, one environment each."""
 
     def __init__(self, task: Task) -> None:
-        self._task = task
+        super().__init__(task)
         self._program = compile_scalar(task)
+        refused = partial(ValueError, "the action is refused")
         ended = partial(ValueError, "the episode is over")
-        self._lanes = [self._program.start(SEED + i, Clock(), _refused, ended) for i in range(LANES)]
-
-    def reset(self) -> list[Seen]:
-        return [self._begin(i) | self._present(i) for i in range(LANES)]
-
-    def step(self, actions: Array) -> list[Seen]:
-        results = []
-        for i, action in enumerate(actions):
-            observation, reward, terminated, truncated, info = self._lanes[i].step(action)
-            measures = {}
-            if self._task.process.measures:
-                measures = info["measures"]
-            seen = _step(observation, reward, terminated, truncated, measures)
-            for name in self._task.info:
-                seen[name] = np.ravel(info[name])
-            if terminated or truncated:
-                seen |= self._begin(i)
-            results.append(seen | self._present(i))
-        return results
-
-    def follow(self, seen: Sequence[Seen]) -> None:
-        """Nothing to take over: states are equal."""
+        self._lanes = [self._program.start(SEED + i, Clock(), refused, ended) for i in range(LANES)]
 
     def _begin(self, i: int) -> Seen:
         return {FIRST: self._lanes[i].reset()[0]}
 
-    def _present(self, i: int) -> Seen:
-        lane = self._lanes[i]
-        values, clock = lane.get()
-        if any(value is None for value in values):  # what the program does not keep
-            first = self._program.replay(SEED + i, Clock(*clock))
-            values = tuple(f if v is None else v for v, f in zip(values, first, strict=True))
-        seen = _state(self._task, values)
-        if self._task.mask:
-            assert lane.mask is not None, "it has no mask of legal actions"
-            seen["the mask of legal actions"] = lane.mask()
+    def _move(self, i: int, action: Any) -> Seen:
+        observation, reward, terminated, truncated, info = self._lanes[i].step(action)
+        seen = _step(observation, reward, terminated, truncated, info.get("measures", {}))
+        for name in self._task.info:
+            seen[name] = np.ravel(info[name])
         return seen
 
+    def _state(self, i: int) -> Sequence[Any]:
+        values, clock = self._lanes[i].get()
+        if all(value is not None for value in values):
+            return values
+        first = self._program.replay(SEED + i, Clock(*clock))  # what the program does not keep
+        return [f if v is None else v for v, f in zip(values, first, strict=True)]
 
-def _refused(action: Any) -> Exception:
-    return ValueError(f"the action {action!r} is refused")
+    def _mask(self, i: int) -> Any:
+        mask = self._lanes[i].mask
+        assert mask is not None, "it has no mask of legal actions"
+        return mask()
 
 
-class VectorLanes:
+class VectorLanes(Lanes):
     """Lanes of a vector program."""
 
     def __init__(self, task: Task, backend: str) -> None:
-        self._task = task
+        super().__init__(task)
         self._engine = backend_table.engine(task, LANES, backend, Options("same_step"))
         self._engine.seed(draws.lane_seeds(SEED, LANES))
         self._masks = Masks(task, self._engine.buffers.state) if task.mask else None
 
     def reset(self) -> list[Seen]:
         self._engine.reset()
-        observations = self._engine.buffers.seen.view()
-        return [{FIRST: part_at(observations, i)} | self._present(i) for i in range(LANES)]
+        return super().reset()
 
     def step(self, actions: Array) -> list[Seen]:
         self._engine.step(actions)
+        return super().step(actions)
+
+    def _begin(self, i: int) -> Seen:
+        return {FIRST: part_at(self._engine.buffers.seen.view(), i)}
+
+    def _move(self, i: int, action: Any) -> Seen:
         b = self._engine.buffers
-        seen = b.seen.view()
-        final = b.final.view()
-        results = []
-        for i in range(LANES):
-            measures = {}
-            for k, name in enumerate(self._task.process.measures):
-                measures[name] = b.measures[k][i]
-            shown = final if b.ended[i] else seen
-            step = _step(part_at(shown, i), b.reward[i], b.terminated[i], b.truncated[i], measures)
-            if b.ended[i]:
-                step[FIRST] = part_at(seen, i)
-            results.append(step | self._present(i))
-        return results
+        measures = {}
+        for name, values in zip(self._task.process.measures, b.measures, strict=True):
+            measures[name] = values[i]
+        shown = b.final if b.ended[i] else b.seen
+        return _step(part_at(shown.view(), i), b.reward[i], b.terminated[i], b.truncated[i], measures)
+
+    def _state(self, i: int) -> Sequence[Any]:
+        return [part[..., i] for part in self._engine.buffers.state]
+
+    def _mask(self, i: int) -> Any:
+        assert self._masks is not None
+        return self._masks()[i]
 
     def follow(self, seen: Sequence[Seen]) -> None:
         if are_finite(self._task.state):
@@ -384,9 +448,3 @@ class VectorLanes:
             flats = [shown[f"'{c.name}'"] for shown in seen]
             values.append(np.stack(flats, axis=-1).reshape(*c.type.shape, LANES))
         self._engine.place(tuple(values), np.arange(LANES))
-
-    def _present(self, i: int) -> Seen:
-        seen = _state(self._task, [part[..., i] for part in self._engine.buffers.state])
-        if self._masks is not None:
-            seen["the mask of legal actions"] = self._masks()[i]
-        return seen

@@ -7,6 +7,7 @@ from typing import Any
 
 from taskspec.language import draws
 from taskspec.language.expressions.evaluate import evaluate
+from taskspec.language.expressions.ir import Node
 from taskspec.language.expressions.types import TIME, Role
 from taskspec.language.expressions.variates import sampler
 from taskspec.language.task.task import Task
@@ -47,15 +48,7 @@ class ReferenceProgram:
     def step(self, action: Sequence[Flat]) -> tuple[list[Flat], float, bool, bool]:
         """Observation, reward, terminated, truncated of a step."""
         task = self.task
-        reads = {}
-        for c, value in zip(task.state, self.state, strict=True):
-            reads[c.read] = value
-        for c, value in zip(task.action, action, strict=True):
-            reads[(Role.ACTION, c.name)] = value
-        reads[TIME] = (self.time,)
-        layout = task.step_words
-        words = draws.words(self.seed, draws.STEP, self.steps, layout.count)
-        values = evaluate(task.step_roots, reads, sampler(layout, words))
+        values = self.values(task.step_roots, action)
         self.steps += 1
         self.time += 1
         n = len(task.state)
@@ -67,6 +60,16 @@ class ReferenceProgram:
             self.measures[name] = float(value)
         truncated = task.horizon is not None and self.time >= task.horizon
         return values[first:], float(reward), terminated, truncated
+
+    def values(self, nodes: Sequence[Node], action: Sequence[Flat]) -> list[Flat]:
+        """Values of nodes in the step to come."""
+        reads = {c.read: value for c, value in zip(self.task.state, self.state, strict=True)}
+        for c, value in zip(self.task.action, action, strict=True):
+            reads[(Role.ACTION, c.name)] = value
+        reads[TIME] = (self.time,)
+        layout = self.task.step_words
+        words = draws.words(self.seed, draws.STEP, self.steps, layout.count)
+        return evaluate(nodes, reads, sampler(layout, words))
 
     def mask(self) -> list[int]:
         """Legal actions of the present state, 1 or 0 for each; for a task with `legal`."""

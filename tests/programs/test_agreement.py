@@ -13,7 +13,7 @@ import pytest
 from taskspec import exact
 from taskspec.language.task.task import Task
 from taskspec.programs import array_form
-from taskspec.programs.agreement import QUICK, ProgramChecks
+from taskspec.programs.agreement import EVERY, QUICK, ProgramChecks
 from taskspec.programs.lane_form import LaneEmitter
 from taskspec.programs.numpy import NumpyEngine, compile_numpy
 from taskspec.programs.scalar import compile_scalar, module
@@ -145,6 +145,27 @@ def test_what_single_precision_decides_otherwise_is_no_error() -> None:
     assert not checks.problems(build_text(GROWING))
     assert checks.settings == {"scalar": 1}
     assert list(checks.left_out) == [("jax", "in single precision, a real may decide otherwise")]
+
+
+SEVENS = """
+state: {x: {type: int, low: 0, high: 100}, b: {type: int, low: 0, high: 20}}
+action: {a: {type: int, low: 1, high: 2}}
+horizon: 60
+initial: {x: 0, b: 0}
+dynamics: {x': "min(x + a, 100)", b': ceil(x / 7)}
+reward: (x / 7 == x // 7) + (x / 10 >= 0.35)
+"""
+
+
+def test_a_product_with_the_reciprocal_is_no_quotient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """42 times 1 / 7 is above 6 in float32, which rounding does not excuse: 42, 7 and 6 are held exactly."""
+    pytest.importorskip("jax")
+    from taskspec.programs.jax.library import JaxRuntime
+
+    assert not ProgramChecks(EVERY).problems(build_text(SEVENS))
+    monkeypatch.setattr(JaxRuntime, "div", lambda rt, a, b: a * (1 / b))
+    (error,) = ProgramChecks(["jax"]).problems(build_text(SEVENS.replace("60", "61")))
+    assert "the jax program differs from the interpreter: after 28 steps, the observation is [44.  7.]" in error.message
 
 
 SIZES = """

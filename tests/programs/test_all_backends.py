@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def on_jax(b: Builder, root: Node, values: Values) -> np.ndarray:
     for (role, name), value in values.items():
         names[role, name] = f"x_{name}"
         narrow[f"x_{name}"] = value.astype({"b": np.bool_, "i": np.int32, "f": np.float32}[value.dtype.kind])
-    form = ArrayForm(names, lambda d, a: "")
+    form = program.JaxForm(names, lambda d, a: "")
     statements, (result,) = form.emit([root])
     space = {**program._NAMESPACE, **arrays(form.constants, program._array), "rt": library.RUNTIME}
     exec("\n    ".join([f"def f({', '.join(narrow)}):", *statements, f"return {result}"]), space)
@@ -143,6 +144,40 @@ def tolerance_of(backend: str, op: Operator | None, is_large: bool) -> float:
     if op is not None and op.precise:
         return 0
     return 1e-14
+
+
+X = np.arange(1.0, 2001.0)
+Y = 1 + X[::-1] % 97
+QUOTIENTS: dict[str, tuple[Callable[..., Node], Callable[..., Any]]] = {
+    "x / 3": (lambda b, x, y: b.apply("div", x, b.scalar(3.0)), lambda x, y: x / 3),
+    "x / 7": (lambda b, x, y: b.apply("div", x, b.scalar(7.0)), lambda x, y: x / 7),
+    "x / -2.5": (lambda b, x, y: b.apply("div", x, b.scalar(-2.5)), lambda x, y: x / -2.5),
+    "x / y": (lambda b, x, y: b.apply("div", x, y), lambda x, y: x / y),
+    "6 / sqrt(x)": (lambda b, x, y: b.apply("div", b.scalar(6.0), b.apply("sqrt", x)), lambda x, y: 6 / np.sqrt(x)),
+    "x / y / 7": (lambda b, x, y: b.apply("div", b.apply("div", x, y), b.scalar(7.0)), lambda x, y: x / y / 7),
+    "x / (y / 7)": (lambda b, x, y: b.apply("div", x, b.apply("div", y, b.scalar(7.0))), lambda x, y: x / (y / 7)),
+    "x / 7 * 7": (
+        lambda b, x, y: b.apply("mul", b.apply("div", x, b.scalar(7.0)), b.scalar(7.0)),
+        lambda x, y: x / 7 * 7,
+    ),
+    "ceil(x / 7)": (
+        lambda b, x, y: b.apply("ceil", b.apply("div", x, b.scalar(7.0))),
+        lambda x, y: [math.ceil(Fraction(int(n), 7)) for n in x],
+    ),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("form", QUOTIENTS)
+def test_quotients_are_rounded_once(form: str, backend: str) -> None:
+    """To the bit, as NumPy divides numbers of the same precision."""
+    make, expected = QUOTIENTS[form]
+    b = Builder()
+    x, y = arguments([X[0], Y[0]])
+    root = make(b, *reads(b, [x, y]))
+    precision = np.float32 if backend == "jax" else np.float64
+    values = EVALUATE[backend](b, root, {x.key: X, y.key: Y})
+    assert np.array_equal(values.reshape(-1), expected(X.astype(precision), Y.astype(precision)))
 
 
 # -- functions and structure --------------------------------------------------------------------------------------

@@ -219,3 +219,31 @@ def test_other_kinds_of_keys() -> None:
     expected = functional.reset(jax.random.PRNGKey(5))[0].tolist()
     assert functional.reset(jax.random.key(5))[0].tolist() == expected
     assert functional.reset(jax.random.key(5, impl="rbg"))[0].tolist() == expected
+
+
+QUOTIENTS = """
+parameters: {d: {type: int, default: 7, low: 1, high: 99}}
+state: {x: {type: int, low: 0, high: 2000}, b: {type: int, low: 0, high: 2000}}
+action: {a: {type: bool}}
+horizon: 2000
+initial: {x: 0, b: 0}
+dynamics: {x': "min(x + 1, 2000)", b': ceil(x / d)}
+reward: x / 7 == x // 7
+"""
+
+
+@pytest.mark.parametrize("varying", [[], ["d"]], ids=["a constant", "an argument"])
+def test_quotients_of_ints_are_exact_in_scan_and_vmap(varying: list[str]) -> None:
+    task = Functional(build_text(QUOTIENTS), varying)
+
+    def episode(key: Any) -> Any:
+        def step(state: Any, _: Any) -> Any:
+            seen, following, reward, _, _ = task.step(state, 1)
+            return following, (seen[1], reward)
+
+        return jax.lax.scan(step, task.reset(key)[1], length=1000)[1]
+
+    boxes = [-(-x // 7) for x in range(1000)]
+    pays = [x % 7 == 0 for x in range(1000)]
+    assert np.array_equal(jax.jit(episode)(jax.random.key(0)), [boxes, pays])
+    assert np.array_equal(jax.vmap(episode)(jax.random.split(jax.random.key(0), 2)), [[boxes] * 2, [pays] * 2])

@@ -300,6 +300,16 @@ class JaxRuntime(Runtime):
             return jnp.where(x, self.real(1), self.real(0))
         return x.astype(self.real)
 
+    def div(self, a: AnyArray, b: AnyArray) -> AnyArray:
+        """Divide with one rounding, as NumPy.
+
+        XLA turns quotients by constants, by roots and of quotients into products, which are rounded twice. It does not see
+        through selects that depend on both operands.
+        """
+        unknown = (a != a) | (b != b)
+        quotient = a / jnp.where(unknown, jnp.nan, b)
+        return jnp.where(unknown, jnp.nan, quotient)
+
     def cumsum(self, x: AnyArray) -> AnyArray:
         """Without the 0.0 that JAX's own begins with, and left to right where that is not too long."""
         if x.shape[0] > CHAIN:

@@ -296,9 +296,11 @@ def _emit(
 
 
 class JaxForm(ArrayForm):
-    """The array form as XLA needs it: for XLA `x + 0.0` is x, which it is not where x is -0.0."""
+    """The array form as XLA needs it: for XLA `x + 0.0` is x, which it is not where x is -0.0; quotients, see `div`."""
 
     def _template(self, node: Apply, entry: Operator) -> str:
+        if node.op == "div":
+            return "rt.div({0}, {1})"
         template = super()._template(node, entry)
         nothing = any(isinstance(a, Const) and not any(a.flat) for a in node.args)
         real = node.op == "add" and node.type.kind is Kind.REAL
