@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property, partial
 from itertools import chain
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -71,12 +74,10 @@ class ProgramChecks:
         After its first error, a program is not run again.
         """
         problems = []
+        count = FINITE_STEPS if are_finite(task.state) else STEPS
         if any(self.settings.values()):
-            reference = ReferenceRun(task, FEWER_STEPS)
-        elif are_finite(task.state):
-            reference = ReferenceRun(task, FINITE_STEPS)
-        else:
-            reference = ReferenceRun(task, STEPS)
+            count = FEWER_STEPS
+        reference = ReferenceRun(task, count)
         for program in tuple(self._programs):
             tell(f"{program} program")
             try:
@@ -113,14 +114,15 @@ class ReferenceRun:
         return self._lanes.reset()
 
     @cached_property
-    def steps(self) -> list[tuple[Array, list[Seen]]]:
-        """The actions of each step, as Gymnasium has them, and the values of each lane after it."""
+    def steps(self) -> list[tuple[Array, list[ReferenceProgram], list[Seen]]]:
+        """The actions of each step, as Gymnasium has them, the lanes before it, and the values of each lane after it."""
         assert self.first
         rng = np.random.default_rng(SEED)
         trajectory = []
         for _ in range(max(1, min(self.count, WORK // (LANES * self.size)))):
             actions = random_actions(self.task.action_layout, rng)
-            trajectory.append((actions, self._lanes.step(actions)))
+            before = list(map(copy, self._lanes.lanes))
+            trajectory.append((actions, before, self._lanes.step(actions)))
         return trajectory
 
     @cached_property
@@ -129,17 +131,13 @@ class ReferenceRun:
 
     def rounds(self, step: int) -> bool:
         """Test whether rounding to single precision may decide something in a step; in the first reset for 0."""
-        decisions = walk((*self.task.reset_roots, *self.task.mask))
-        if any(map(_rounded, decisions)):
+        others = list(walk((*self.task.reset_roots, *self.task.mask)))
+        if _rounding_decides(others, [(math.nan,)] * len(others)):  # whatever the values
             return True
         nodes = list(walk(self.task.step_roots))
-        lanes = ReferenceLanes(self.task)
-        lanes.reset()
-        for actions, _ in self.steps[: step - 1]:
-            lanes.step(actions)
-        for actions, _ in self.steps[step - 1 : step]:
-            for values in lanes.values(nodes, actions):
-                if _rounding_decides(nodes, values):
+        for actions, before, _ in self.steps[step - 1 : step]:
+            for lane, action in zip(before, actions, strict=True):
+                if _rounding_decides(nodes, lane.values(nodes, unpack(self.task.action_layout, action))):
                     return True
         return False
 
@@ -193,38 +191,32 @@ def difference(reference: ReferenceRun, program: str) -> str | None:
     return f"differs from the interpreter: after {plural(step, 'step') if step else 'reset()'}, {words}"
 
 
-def _rounded(node: Node, exact: Collection[int] = ()) -> bool:
-    """Test whether something else than a real follows from a real that is not among those of the given ids."""
-    if node.type.kind is Kind.REAL or (isinstance(node, Draw) and are_constant(node.args)):
-        return False
-    return any(child.type.kind is Kind.REAL and id(child) not in exact for child in children(node))
-
-
 def _rounding_decides(nodes: Sequence[Node], values: Sequence[Flat]) -> bool:
-    """Test whether something is decided by reals near a threshold which float32 does not hold; children come first."""
+    """Test whether reals near a threshold that float32 does not hold decide something; children come first."""
     exact = set[int]()
     numbers = {}
     for node, flat in zip(nodes, values, strict=True):
-        numbers[id(node)] = np.array(list(map(plain, flat)), float)
         below = children(node)
-        if _rounded(node, exact) and _is_near(node, [numbers[id(child)] for child in below]):
+        numbers[id(node)] = number = np.array(list(map(plain, flat)), float)
+        rounded = any(child.type.kind is Kind.REAL and id(child) not in exact for child in below)
+        if rounded and node.type.kind is not Kind.REAL and _is_near(node, [numbers[id(child)] for child in below]):
             return True
         with np.errstate(over="ignore"):
-            is_held = np.array_equal(numbers[id(node)].astype(np.float32), numbers[id(node)])
+            is_held = np.array_equal(number.astype(np.float32), number)
         if is_held and all(id(child) in exact for child in below):
             exact.add(id(node))
     return False
 
 
 def _is_near(node: Node, args: Sequence[Array]) -> bool:
-    """Test whether a rounding error in its arguments may change a comparison or an int; of other nodes it may."""
+    """Test whether a rounding error in its arguments may change the value; draws of known probabilities have none."""
     match node:
         case Apply(op="lt" | "le" | "eq" | "ne"):
             apart = args[0] - args[1]
         case Apply(op="floor" | "ceil" | "round"):
             apart = args[0] - np.rint(2 * args[0]) / 2
         case _:
-            return True
+            return not (isinstance(node, Draw) and are_constant(node.args))
     return not np.all(np.abs(apart) > NEAR * (1 + np.abs(args[0])))
 
 
@@ -233,7 +225,7 @@ def _first_difference(lanes: Lanes, reference: ReferenceRun, tolerance: float) -
     problem = _different(lanes.reset(), reference.first, tolerance)
     if problem is not None:
         return 0, problem
-    for step, (actions, expected) in enumerate(reference.steps, 1):
+    for step, (actions, _, expected) in enumerate(reference.steps, 1):
         problem = _different(lanes.step(actions), expected, tolerance)
         if problem is not None:
             return step, problem
@@ -266,10 +258,7 @@ def _same(actual: Any, expected: Any, tolerance: float) -> bool:
 
 
 def _words(value: Any) -> str:
-    text = str(value).replace("\n", "")
-    if len(text) > 60:
-        return f"{text[:57]}..."
-    return text
+    return shorten(str(value), 60, placeholder="...")
 
 
 # -- a few lanes of each program ----------------------------------------------------------------------------------------
@@ -282,15 +271,17 @@ FIRST = "the first observation"
 class Lanes:
     """Some environments of a task; one whose episode ends in a step begins the next in the same step."""
 
+    _begin: Callable[[int], Seen]
+    _move: Callable[[int, Any], Seen]
+    _state: Callable[[int], Sequence[Any]]
+    _mask: Callable[[int], Any]
+
     def __init__(self, task: Task) -> None:
         self._task = task
 
     def reset(self) -> list[Seen]:
         """Begin an episode in every lane."""
-        first = []
-        for i in range(LANES):
-            first.append(self._begin(i) | self._present(i))
-        return first
+        return [self._begin(i) | self._present(i) for i in range(LANES)]
 
     def step(self, actions: Array) -> list[Seen]:
         """Take a step in every lane."""
@@ -304,18 +295,6 @@ class Lanes:
 
     def follow(self, seen: Sequence[Seen]) -> None:
         """Take over the states of other lanes, so that rounding errors of reals do not grow from step to step."""
-
-    def _begin(self, i: int) -> Seen:
-        raise NotImplementedError
-
-    def _move(self, i: int, action: Any) -> Seen:
-        raise NotImplementedError
-
-    def _state(self, i: int) -> Sequence[Any]:
-        raise NotImplementedError
-
-    def _mask(self, i: int) -> Any:
-        raise NotImplementedError
 
     def _present(self, i: int) -> Seen:
         seen = {}
@@ -338,18 +317,13 @@ class ReferenceLanes(Lanes):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        self._lanes = [ReferenceProgram(task, SEED + i) for i in range(LANES)]
-
-    def values(self, nodes: Sequence[Node], actions: Array) -> Iterator[list[Flat]]:
-        """Values of nodes in the step to come, for each lane."""
-        for lane, action in zip(self._lanes, actions, strict=True):
-            yield lane.values(nodes, unpack(self._task.action_layout, action))
+        self.lanes = [ReferenceProgram(task, SEED + i) for i in range(LANES)]
 
     def _begin(self, i: int) -> Seen:
-        return {FIRST: pack(self._task.observation_layout, self._lanes[i].reset())}
+        return {FIRST: pack(self._task.observation_layout, self.lanes[i].reset())}
 
     def _move(self, i: int, action: Any) -> Seen:
-        lane = self._lanes[i]
+        lane = self.lanes[i]
         states = {"old_state": lane.state}
         flats, reward, terminated, truncated = lane.step(unpack(self._task.action_layout, action))
         states["new_state"] = lane.state
@@ -359,10 +333,10 @@ class ReferenceLanes(Lanes):
         return seen
 
     def _state(self, i: int) -> Sequence[Any]:
-        return [list(map(plain, flat)) for flat in self._lanes[i].state]
+        return [list(map(plain, flat)) for flat in self.lanes[i].state]
 
     def _mask(self, i: int) -> Any:
-        return self._lanes[i].mask()
+        return self.lanes[i].mask()
 
     def _info(self, state: Sequence[Flat]) -> Array:
         numbers = list(map(plain, chain.from_iterable(state)))
@@ -427,9 +401,8 @@ class VectorLanes(Lanes):
 
     def _move(self, i: int, action: Any) -> Seen:
         b = self._engine.buffers
-        measures = {}
-        for name, values in zip(self._task.process.measures, b.measures, strict=True):
-            measures[name] = values[i]
+        names = self._task.process.measures
+        measures = {name: values[i] for name, values in zip(names, b.measures, strict=True)}
         shown = b.final if b.ended[i] else b.seen
         return _step(part_at(shown.view(), i), b.reward[i], b.terminated[i], b.truncated[i], measures)
 

@@ -113,10 +113,7 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
     """
     frozen = frozen_components(task)
     n = len(task.state)
-    moving = []
-    for r, c in zip(roots[:n], task.state, strict=True):
-        if c.name not in frozen:
-            moving.append(r)
+    moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
     read = reads([*moving, *roots[n:]])
     cold = set()
     for c in task.state:
@@ -127,9 +124,8 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
 
 def frozen_components(task: Task) -> frozenset[str]:
     """Names of the state components that no step changes."""
-    pairs = zip(task.state, task.process.next, strict=True)
     frozen = set()
-    for c, n in pairs:
+    for c, n in zip(task.state, task.process.next, strict=True):
         if isinstance(n, Read) and (n.role, n.name) == c.read:
             frozen.add(c.name)
     return frozenset(frozen)
@@ -169,10 +165,7 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
     for node, name in zip(values, names, strict=True):
         variables[id(node)] = b.read(Role.VARIABLE, name, node.type, *b.certain(node))
     rest = rewrite(roots, variables, b.remake)
-    left = {}
-    for d in walk(rest):
-        if isinstance(d, Draw):
-            left[d.site] = word_names(d)
+    left = {d.site: word_names(d) for d in walk(rest) if isinstance(d, Draw)}
     return Hoisted(compared(b, rest), tuple(values), names, left, layout)
 
 
@@ -187,9 +180,7 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
         before = rewritten
         comparisons: dict[int, Node] = {}
         for draw in draws(before):
-            words = []
-            for n in word_names(draw):
-                words.append(b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias))
+            words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
             elements = VARIATES[draw.base].compared(b, draw, words, bias)
             if elements is not None and draw.type.is_scalar:
                 comparisons[id(draw)] = elements[0]
@@ -245,10 +236,7 @@ def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: 
     """List the reads below a node; None where they have too many values, or something is drawn."""
     if isinstance(node, Draw):
         return None
-    if isinstance(node, Read):
-        reads = {node}
-    else:
-        reads = set[Read]()
+    reads = {node} if isinstance(node, Read) else set[Read]()
     for child in children(node):
         below = finite[id(child)]
         if below is None:

@@ -165,7 +165,7 @@ def test_a_product_with_the_reciprocal_is_no_quotient(monkeypatch: pytest.Monkey
     assert not ProgramChecks(EVERY).problems(build_text(SEVENS))
     monkeypatch.setattr(JaxRuntime, "div", lambda rt, a, b: a * (1 / b))
     (error,) = ProgramChecks(["jax"]).problems(build_text(SEVENS.replace("60", "61")))
-    assert "the jax program differs from the interpreter: after 28 steps, the observation is [44.  7.]" in error.message
+    assert "the jax program differs from the interpreter: after 28 steps, the observation is [44. 7.]" in error.message
 
 
 SIZES = """

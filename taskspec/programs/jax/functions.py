@@ -177,14 +177,8 @@ class OpenParameters:
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Open parameters of a task that is built with them open."""
         messages = tuple(message for _, message in task.process.required)
-        fixed = []
-        for p in task.parameters:
-            if p.name not in all_names(varying):
-                fixed.append(p.name)
-        bound = tuple(fixed)
-        if not messages:
-            return cls(varying, bound)
-        return cls(varying, bound, repr(task.process.required), messages, compile_required(task))
+        fixed = tuple(p.name for p in task.parameters if p.name not in all_names(varying))
+        return cls(varying, fixed, repr(task.process.required), messages, compile_required(task))
 
     def default(self, task: Task) -> Any:
         """Return a named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
@@ -320,18 +314,10 @@ class Functional:
     def __init__(self, task: TaskLike, varying: Sequence[str] = ()) -> None:
         self.task: Task = load(task)
         names = tuple(sorted(set(varying)))
-        if names:
-            built = build_varying(self.task, names)
-        else:
-            built = self.task
+        built = build_varying(self.task, names) if names else self.task
         self.program: JaxProgram = compile_jax(built)
-        parameters = []
-        for name in names:
-            for p in self.task.parameters:
-                if p.name == name:
-                    parameters.append(p)
-        opened = tuple(parameters)
-        self._open = OpenParameters.of(built, opened)
+        parameters = entries_by_name(self.task.parameters)
+        self._open = OpenParameters.of(built, tuple(parameters[name] for name in names))
         self.default_params: Any = self._open.default(self.task)
 
     @property

@@ -340,11 +340,6 @@ class JaxRuntime(Runtime):
             return super().put(x, i, value)
         return jnp.stack([jnp.where(i == k, value, row) for k, row in enumerate(x)])
 
-    def swap(self, x: AnyArray, i: AnyArray, j: AnyArray) -> AnyArray:
-        at_i = self.index(x, i)
-        at_j = self.index(x, j)
-        return self.put(self.put(x, i, at_j), j, at_i)
-
 
 def _chain(cells: Sequence[AnyArray], i: AnyArray) -> AnyArray:
     picked = jnp.broadcast_to(cells[-1], jnp.broadcast_shapes(cells[-1].shape, i.shape))

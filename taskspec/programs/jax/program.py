@@ -320,11 +320,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 def open_names(task: Task) -> dict[str, str]:
     """Parameters that a task leaves open, in alphabetical order, and their names in the source."""
-    open_parameters = []
-    for role, name in reads(task.roots):
-        if role is Role.PARAMETER:
-            open_parameters.append(name)
-    names = sorted(open_parameters)
+    names = sorted(name for role, name in reads(task.roots) if role is Role.PARAMETER)
     return {name: f"p{i}" for i, name in enumerate(names)}
 
 
