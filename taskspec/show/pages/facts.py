@@ -58,7 +58,7 @@ def gather(task: TaskLike | Report) -> Facts:
         task: or the report of a check, whose scores and verdicts are not worked out again.
 
     Returns:
-        Returns, as far as they are known; the verdict on each claim; and the examples that are wrong.
+        The known scores, the verdict on each claim, and the examples that are wrong.
     """
     if isinstance(task, Report):
         return _facts(task.results, task.verdicts, task.coverage.wrong_examples)
