@@ -35,7 +35,7 @@ QUICK = ("scalar", "numpy")
 """Programs that are generated in milliseconds; others take seconds to compile."""
 LANES = 2
 STEPS = 6
-FINITE_STEPS = 128
+FINITE_STEPS = 40
 """Steps of a finite task, in which everything is compared exactly."""
 FEWER_STEPS = 2
 """Steps at further settings of a task, where the same program works with other numbers."""

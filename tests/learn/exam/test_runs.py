@@ -232,12 +232,12 @@ def test_a_run_that_forks_gives_one_answer(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are killed by signals")
 def test_runs_that_end_badly_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--no-peeks", "--time-limit", "2", "-j", "1")
+    options = ("-t", "RiskyPath", "--seeds", "4", "--twins", "0", "--no-peeks", "--time-limit", "2", "-j", "1")
     status, found = held(tmp_path, f"{LEARNERS}:ends_badly", *options, "--learns-from", "reward")
     errors = column(found["scores"], "error")
     assert status == 1 and errors[0] is errors[3] is None
-    assert column(found["scores"], "steps") == [0, 0, 0, 3, 0, 0]
-    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 2 s"), (4, "MemoryError"), (5, "died: SIGKILL(-9)")):
+    assert column(found["scores"], "steps") == [0, 0, 0, 3]
+    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 2 s")):
         assert words in errors[seed]
 
 
