@@ -435,7 +435,14 @@ class Task(InNotebooks):
         yield from (*self.process.nodes, *self.observation.nodes, *self.annotations.nodes)
 
     def new_builder(self, more: Iterable[Expression] = ()) -> Builder:
-        """Make a builder for nodes over this task's: nodes equal to one of them, or of `more`, are shared."""
+        """Make a builder for nodes over this task's.
+
+        Args:
+            more: nodes beside them.
+
+        Returns:
+            One that shares nodes equal to any of these.
+        """
         return Builder.of((*self.nodes, *self.next_observation, *self.first_observation, *more))
 
     @property

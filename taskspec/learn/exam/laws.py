@@ -43,7 +43,14 @@ class Law:
         return MODIFIERS[self.modifier].keeps
 
     def changed(self, task: Task) -> Task | None:
-        """Return the task with the change; None where it does not apply, or does not keep what is best."""
+        """Change a task.
+
+        Args:
+            task: as printed.
+
+        Returns:
+            The task with the change; None where it does not apply, or does not keep what is best.
+        """
         entry = MODIFIERS[self.modifier]
         given: dict[str, Any] = entry.sample(task)
         if self.argument is not None:

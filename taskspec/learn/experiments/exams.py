@@ -57,7 +57,11 @@ class LearnersExamined:
         return {"exams": self.exams, "comparison": compare(self.exams)}
 
     def rows(self) -> tuple[Measured, ...]:
-        """For each instance the mean score of every learner, `bc`, and half its 95 % interval, `bc_half`."""
+        """List the scores of all learners.
+
+        Returns:
+            For each instance the mean score of every learner, `bc`, and half its 95 % interval, `bc_half`.
+        """
         measured = []
         for instance, task in zip(self.instances, self.tasks, strict=True):
             name = exam_id(task)

@@ -144,7 +144,11 @@ class Measured:
     seconds: float = 0.0
 
     def record(self) -> dict[str, Any]:
-        """Return plain data for JSON, with None for what is not known."""
+        """Write the measurements as plain data.
+
+        Returns:
+            Every column by its name, None for what is not known; policies are mappings.
+        """
         about = {
             "id": self.instance.id, "task": self.instance.task, "parameters": dict(self.instance.parameters),
             "modifiers": list(self.instance.modifiers), "status": self.status, "error": self.error, "seconds": self.seconds,
@@ -157,7 +161,11 @@ class Measured:
         }
 
     def flat(self) -> dict[str, Any]:
-        """Return the same with one value in each column: `parameters.L`, `policies.random.mean`."""
+        """Write the measurements as a row of a table.
+
+        Returns:
+            One value for each column, such as `parameters.L` and `policies.random.mean`.
+        """
         return {**dict(_flat(self.record())), "modifiers": "+".join(self.instance.modifiers)}
 
 

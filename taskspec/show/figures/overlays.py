@@ -42,10 +42,26 @@ class Overlay:
     seen: Mapping[int, State] = field(default_factory=dict)  # states of that episode by time, the present one included
 
     def chosen(self, code: int, action: int) -> bool:
+        """Test whether an action is taken.
+
+        Args:
+            code: of the state.
+            action: its index.
+
+        Returns:
+            False also where nothing is known of the state.
+        """
         return action in self.policy.get(code, ())
 
     def only(self, *parts: str) -> Overlay:
-        """Return some parts alone, with the present state."""
+        """Leave out all but some parts.
+
+        Args:
+            parts: names of `values`, `policy`, `occupancy` and `legend`.
+
+        Returns:
+            These, with the present state.
+        """
         return Overlay(here=self.here, seen=self.seen, **{part: getattr(self, part) for part in parts})
 
 

@@ -48,6 +48,14 @@ class Page:
     settings: tuple[Setting, ...] = ()
 
     def section(self, key: str) -> Section | None:
+        """Look up a section.
+
+        Args:
+            key: such as `dynamics`.
+
+        Returns:
+            None where the page has no such section.
+        """
         return next((section for section in self.sections if section.key == key), None)
 
     def _repr_html_(self) -> str:
