@@ -94,10 +94,10 @@ TARGETS = ("EndInPlace", "Hazard", "ValueLeft", "SecondThought", "CoinToss", "Si
 @pytest.mark.parametrize(
     ("failed", "explained", "expected"),
     [
-        (TARGETS[:3], 0.9, ["critic_alone"]),
-        (TARGETS[:3], 0.3, []),  # neither has learned
-        (TARGETS[:3], None, []),  # there is no critic
-        (TARGETS[:2], 0.9, []),
+        (TARGETS[:5], 0.9, ["critic_alone"]),
+        (TARGETS[:5], 0.3, []),  # neither has learned
+        (TARGETS[:5], None, []),  # there is no critic
+        (TARGETS[:4], 0.9, []),  # it is on its way
         (TARGETS, 0.9, ["at_random"]),
     ],
 )
