@@ -1,7 +1,5 @@
 """What a spec may cost: each limit is reached before the cost is spent, says how to raise it, and can be raised."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Files are whole or not there: on a full disk what was there stays, nothing is left over, and the message says why."""
 
-from __future__ import annotations
-
 import ast
 import errno
 import os

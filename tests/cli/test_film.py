@@ -1,7 +1,5 @@
 """`taskspec run --render` and `taskspec figure --overlay`."""
 
-from __future__ import annotations
-
 import sys
 from itertools import pairwise
 from pathlib import Path

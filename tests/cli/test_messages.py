@@ -1,7 +1,5 @@
 """The command line: what is refused and in which words, completion, and what is imported."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The commands that run, score, build and print tasks."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """`taskspec solve`: measures of difficulty, and what the optimum knows where a task is partly observable."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Programs beside the reference interpreter: what fails or differs is reported, and all that a program shows is compared."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from itertools import product

@@ -1,7 +1,5 @@
 """Every operator, distribution and draw on every vector backend, against the reference interpreter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction

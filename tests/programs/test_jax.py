@@ -1,7 +1,5 @@
 """The JAX program as pure functions: draws to the bit, under jit, vmap and scan, as Gymnasium's FuncEnv."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Compiled kernels on disk: found by the next process, made again where they are damaged, and read from private folders only."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

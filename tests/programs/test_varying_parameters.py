@@ -1,7 +1,5 @@
 """Parameters that differ between lanes of JAX programs, beside one task for each value."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many small cases as one test, which names those that fail."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ Whatever is downstream of a `Task` relies on these rules and checks none of them
 mistake of the compiler, never of a spec.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from operator import le

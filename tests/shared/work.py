@@ -1,7 +1,5 @@
 """How much a program does, told without a clock: the same on every machine, however busy."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The suite `probes`: which mistakes it exposes, and that right learners pass."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tasks written with the language reference alone at hand, against a few lines of NumPy."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`taskspec diff` on pairs of specs that differ in one token, against brute force with the second interpreter."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Soundness: each kind of mistake is found, at its place, with a counterexample; sound tasks stay silent."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Warnings: each on a small task that has the fault, at its place; none on a task that has not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The exact model: its rows beside the reference interpreter, its names, its size."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

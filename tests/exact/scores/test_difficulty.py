@@ -1,7 +1,5 @@
 """Measures of difficulty, beside every episode of small tasks written out one by one, and beside closed forms."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

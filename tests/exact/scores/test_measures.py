@@ -1,7 +1,5 @@
 """Gaps, constant actions, rewards of states and coverage, beside small tasks written out in fractions and worked out by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction

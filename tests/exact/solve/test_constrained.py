@@ -1,7 +1,5 @@
 """Measures beside the reward, and the best return within limits on them, against all policies one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import product
 from pathlib import Path

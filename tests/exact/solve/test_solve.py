@@ -1,7 +1,5 @@
 """Exact models and planning against independent witnesses: enumeration, linear programming, the reference interpreter."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

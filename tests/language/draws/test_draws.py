@@ -5,8 +5,6 @@ that one of them, picked blindly, would have failed with ideal randomness: some 
 each make under 1 % together. A wrong distribution gives p-values far below it.
 """
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction

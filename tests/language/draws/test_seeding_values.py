@@ -1,7 +1,5 @@
 """What a draw makes of its words, as docs/reference/seeding.md says it: its tables, read literally, and `seeding.py` there."""
 
-from __future__ import annotations
-
 import json
 import math
 import zlib

@@ -4,8 +4,6 @@ Reference interpreter, generated lane code, array form and constant folding are 
 promise. A new entry of a table is tested without touching this file.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

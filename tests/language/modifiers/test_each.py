@@ -1,7 +1,5 @@
 """Modifiers one at a time: what each does to a small walk, how they are written, and what is said of wrong ones."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Modifiers: every entry of the table, on every DERAIL task that it applies to, and what it says it keeps."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Mapping
 from functools import cache

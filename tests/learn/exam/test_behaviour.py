@@ -1,7 +1,5 @@
 """Places of mistakes, told by the actions of training, and by errors of learned values at ends and before them."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable
 from typing import Any

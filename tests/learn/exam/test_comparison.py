@@ -1,7 +1,5 @@
 """What is compared: two learners side by side, an exam with an earlier one; and how many seeds and steps an exam chooses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Diagnoses of the probes: each is told for its own mistakes, from their exact scores, and for no other learner."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rules over scores: what they mean on intervals, which diagnoses results get, and what is said where one is wrong."""
 
-from __future__ import annotations
-
 import json
 import re
 from operator import attrgetter

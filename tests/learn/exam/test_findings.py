@@ -1,7 +1,5 @@
 """Findings of the paper on results of several learners: confirmed, refuted, undecided or not run, and the page of them."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

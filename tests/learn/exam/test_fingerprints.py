@@ -1,7 +1,5 @@
 """Fingerprints: mistakes of sampled learners are named from their values alone, on tasks where learners meet every state."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Judgement of all runs: when a mistake is named, with which others, and when none is."""
 
-from __future__ import annotations
-
 import pytest
 
 from taskspec.learn.exam.judgement import Run, judged

@@ -1,7 +1,5 @@
 """Laws of learning: what each keeps, on exact models; which learners obey them, and what an exam says of those that do not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

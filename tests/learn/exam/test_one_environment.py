@@ -1,7 +1,5 @@
 """Exams of learners that step one environment, which Gymnasium 0.29 has as well; imitation needs it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from taskspec.base.arrays import Array

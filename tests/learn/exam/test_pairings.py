@@ -1,7 +1,5 @@
 """Policies of learners from demonstrations: which pairing of observations and actions they show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

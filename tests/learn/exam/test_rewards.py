@@ -1,7 +1,5 @@
 """The distance of a learned reward to the true one, and what is lost by optimising it."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

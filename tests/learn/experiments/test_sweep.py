@@ -1,7 +1,5 @@
 """Sweeps, through the command and the function: what is measured, kept, written, and told when something fails."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """GAIL, AIRL and TRPO: their parts beside dense solutions, differences and closed forms, and what comes of training."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any

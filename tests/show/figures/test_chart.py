@@ -1,7 +1,5 @@
 """Charts: files that do not change, colours that follow the paper, and words that do not overlap."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Transition graphs of random machines: what is drawn can be read, is the same every time, and takes few steps."""
 
-from __future__ import annotations
-
 import math
 import random
 from itertools import combinations, pairwise, product

@@ -1,7 +1,5 @@
 """Mathematics as people write it: one tree, LaTeX and MathML from it, and no text that can become a command."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 from xml.etree import ElementTree

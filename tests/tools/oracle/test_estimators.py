@@ -1,7 +1,5 @@
 """Estimators on a batch: identities between them, in fractions, and the edges of episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Expectations over all episodes: bias and variance of estimators as fractions, and refusals that say how many there are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any

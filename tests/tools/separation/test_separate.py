@@ -1,7 +1,5 @@
 """Tasks as tables, shrunk tasks, and the search for a task that separates two learners."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

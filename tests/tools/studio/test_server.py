@@ -1,7 +1,5 @@
 """Who is admitted to the studio, which files it reads and writes, what is outdated, and what is left when it ends."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re
