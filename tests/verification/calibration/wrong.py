@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ class Mistake:
         return found
 
 
+@cache
 def program(learner: str) -> tuple[str, str]:
     """Return the program of a right learner, and the text of its function."""
     files = FILES[-1:] if learner.startswith("torch_") else FILES[:-1]
