@@ -161,7 +161,7 @@ class LearnedValues:
             origin = "the reward, and the learned value of what follows"
             where = goes_on
         if not where.any():
-            return StepErrors()
+            return StepErrors(at_ends, before_ends)
         step = np.unravel_index(np.argmax(np.abs(error) * where), error.shape)
         learned = float(self.learned[step])
         return StepErrors(
