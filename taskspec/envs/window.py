@@ -205,7 +205,7 @@ def _spread(task: Task) -> list[Any]:
     fitting = [n for n in LEVELS if n ** len(low) <= len(KEYS)]
     if not fitting or not np.isfinite([low, high]).all():
         raise _unplayable(task)
-    values = np.linspace(low, high, fitting[0], axis=-1)
+    values = np.linspace(low, high, fitting[0], axis=-1, dtype=np.float32)
     return [np.reshape(each, layout.shape) for each in itertools.product(*values)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -50,11 +51,16 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
         SpecError: E705 without pygame, or before Gymnasium 1.0; E717 where there is no display.
     """
     pygame = need("pygame", "play")
+    problem = ""
     try:
         pygame.display.init()
+        if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
+            problem = "SDL found none"
     except pygame.error as error:
-        message = f"there is no display to play on ({error})"
-        raise spec_error("E717", message, "`taskspec run --render gif` makes a film") from None
+        problem = str(error)
+    if problem:
+        message = f"there is no display to play on ({problem})"
+        raise spec_error("E717", message, "`taskspec run --render gif` makes a film")
     if int(gymnasium.__version__.split(".")[0]) < 1:  # its window goes on without keys, with the first action
         message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
         raise spec_error("E705", message, install_package("gymnasium>=1.0"))

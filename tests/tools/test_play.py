@@ -115,6 +115,47 @@ def test_a_person_plays_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     assert seen == [(0, 0.0, False), (0, 1.0, False)]
 
 
+STEER = """
+summary: Two thrusters.
+state:
+  x: {type: real, low: -1, high: 1, shape: [2]}
+action:
+  f: {type: real, low: -1, high: 1, shape: [NUMBER]}
+horizon: 3
+initial:
+  x: [0, 0]
+dynamics:
+  x': clip(x + f[0] / 4, -1, 1)
+reward: x'[0]
+"""
+
+
+@needs_vectors("Gymnasium waits for the player from 1.0 on")
+@pytest.mark.parametrize("number", ["1", "2"])
+def test_real_actions_are_played(number: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    path = tmp_path / "steer.yaml"
+    path.write_text(whole_spec(STEER.replace("NUMBER", number)))
+    env = taskspec.make(path, render_mode="rgb_array")
+    env.reset(seed=0)
+    last = max(code for (code,) in env.get_keys_to_action())
+    paid: list[float] = []
+    pressed = [[], [pygame.event.Event(pygame.KEYDOWN, key=last)], [pygame.event.Event(pygame.QUIT)]]
+    monkeypatch.setattr(pygame.event, "get", lambda: pressed.pop(0))
+    play(env, lambda *step: paid.append(step[3]), fps=100)
+    assert paid == [0.25]
+
+
+def test_a_window_that_nobody_can_see_is_no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    monkeypatch.setattr(pygame.display, "init", lambda: None)
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    with pytest.raises(taskspec.SpecError, match="E717"):
+        play(taskspec.make("RiskyPath", render_mode="rgb_array"))
+
+
 def test_the_command_says_so_where_there_is_no_display() -> None:
     pytest.importorskip("pygame")
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
