@@ -65,7 +65,7 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
         drawn = not_drawn(task, FIGURE_KINDS[task.annotations.figure.kind].needs)
     if drawn is None:
         return None
-    return _with_lines(drawn, [line for _, _, line in _each_part(task, over)])
+    return _with_lines(drawn, [line for _, _, line in _each_part(task, over, drawn)])
 
 
 def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
@@ -102,17 +102,22 @@ def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
     return drawn.extended(words, "; ".join((drawn.alt, *lines)))
 
 
-def _each_part(task: Task, over: Overlay) -> Iterator[tuple[str, Scene | None, str]]:
-    """Yield each part of an overlay: its name, the figure with it alone if that shows it, and its line of the legend."""
+def _each_part(task: Task, over: Overlay, whole: Scene | None = None) -> Iterator[tuple[str, Scene | None, str]]:
+    """Yield each part of an overlay: its name, the figure with it alone if that shows it, and its line of the legend.
+
+    The line says how the part is drawn in the whole figure; unless that is given, in the figure with this part alone.
+    """
     if not over.legend:
         return
     bare = _drawn(task, over.only())
     for part, (scale, what) in over.legend.items():
         drawn = _drawn(task, over.only(part)) if part in PARTS else None
-        if drawn is None or drawn.shows(bare):
+        shown = whole or drawn
+        how = shown.drawn.get(part) if shown is not None else None
+        if drawn is None or how is None or part not in drawn.drawn or drawn.shows(bare):
             yield part, None, f"not drawn: {what}"
         else:
-            yield part, drawn, f"{drawn.drawn[part].format(scale)}: {what}"
+            yield part, drawn, f"{how.format(scale)}: {what}"
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
@@ -122,16 +127,23 @@ def _drawn(task: Task, over: Overlay) -> Scene | None:
         kinds = [task.annotations.figure.kind]
         if kinds == ["graph"]:
             kinds.append("matrix")
+    elif any(getattr(over, part) for part in PARTS) and _of_kind(DEFAULT, task, over.only()) is not None:
+        kinds.insert(1, "matrix")  # where what is laid over the graph makes it too crowded
     for name in kinds:
-        module, _, function = FIGURE_KINDS[name].draw.partition(":")
-        try:
-            drawn: Scene | None = getattr(import_module(module), function)(task, over)
-        except NoModel:
-            raise_if_errors(soundness(task))
-            continue
+        drawn = _of_kind(name, task, over)
         if drawn is not None:
             return drawn
     return None
+
+
+def _of_kind(name: str, task: Task, over: Overlay) -> Scene | None:
+    module, _, function = FIGURE_KINDS[name].draw.partition(":")
+    try:
+        drawn: Scene | None = getattr(import_module(module), function)(task, over)
+    except NoModel:
+        raise_if_errors(soundness(task))
+        return None
+    return drawn
 
 
 @dataclass(frozen=True)

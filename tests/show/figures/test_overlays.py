@@ -133,6 +133,34 @@ def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tm
             assert is_beside or abs(text.at[1] - y) >= (text.size + badge.height) / 2
 
 
+FOG = """\
+taskspec: 1
+name: Fog
+summary: A walk that slips, of which the graph has room for no values.
+state:
+  s: {type: int, low: 0, high: 4}
+action:
+  a: {type: choice, values: {left: -1, stay: 0, right: 1}}
+horizon: 5
+initial:
+  s: UniformInt(0, 4)
+dynamics:
+  s': "clip(s + a, 0, 4) if Bernoulli(3/4) else s"
+reward: s' == 2
+"""
+
+
+@pytest.mark.parametrize("figure", ["", "figure: {kind: graph}\n"])
+def test_a_graph_that_values_make_too_crowded_becomes_a_matrix_with_them(figure: str, tmp_path: Path) -> None:
+    task = cue(tmp_path, FOG + figure)
+    bare = scene(task)
+    assert bare is not None and bare.alt.startswith("Transition graph")
+    shown = legend(task, "values", "policy")
+    assert shown == ["V: best return with all 5 steps to go", "frames where they lead: best actions with all 5 steps to go"]
+    found = scene(task, overlay(task, ["values"]))
+    assert found is not None and "V = 4.667" in words(found)
+
+
 def test_values_of_states_that_only_longer_episodes_enter_are_of_all_steps_left() -> None:
     """500 steps along a road of 20,000 places, of which episodes enter 501."""
     shown = overlay(build(read_text(ROAD)), ["values"]).values
