@@ -135,7 +135,7 @@ def expectation(
         E[f] = sum over tau of Pr(tau) f(tau),    Pr(tau) = p(s_0) prod over t of pi(a_t | s_t) p(s_{t+1}, r_t | s_t, a_t)
 
     Args:
-        function: from one `EnumeratedEpisode` to a number or an array; with `episodes=k`, from a tuple of k independent ones.
+        function: from one `EnumeratedEpisode` to a number or an array, of the same shape for all; with `episodes=k`, from a tuple of k independent ones.
         task: a finite task whose episodes end, its id or its path.
         policy: the policy that acts, as `evaluate` takes it.
         episodes: the size of a group.
@@ -146,8 +146,8 @@ def expectation(
         Mean and variance, in the unit of the function.
 
     Raises:
-        SpecError: E729 where there are too many episodes, which are counted before any is enumerated; E712, E713 as for
-            `evaluate`.
+        SpecError: E729 where there are too many episodes, which are counted before any is enumerated; E713 for a function
+            that gives anything else; E712, E713 as for `evaluate`.
     """
     if episodes < 1:
         misused("a group has at least one episode", "episodes=1")
@@ -156,14 +156,26 @@ def expectation(
     count = tree.checked_count(episodes, same_start)
     mean: Any = 0
     square: Any = 0
+    shape = None
     for probability, group in tree.groups(episodes, same_start):
         if episodes == 1:
             value = plain(function(group[0]))
         else:
             value = plain(function(group))
+        if shape is None:
+            shape = value.shape
+        _check_answer(value, shape)
         mean = mean + probability * value
         square = square + probability * value * value
     return Expectation(_tidy(mean), _tidy(square - mean * mean), count)
+
+
+def _check_answer(value: Array, shape: tuple[int, ...]) -> None:
+    if value.dtype.kind in "SU" or (value.dtype == object and None in value.reshape(-1)):
+        misused("the function of an episode returns a number or an array of numbers")
+    if value.shape != shape:
+        hint = "a sum or a mean over the steps, or a table of states"
+        misused(f"the function returns shape {shape} for one episode and {value.shape} for another", hint)
 
 
 def _tidy(value: Any) -> Any:

@@ -149,6 +149,8 @@ def n_step_returns(rewards: Any, next_values: Any, terminated: Any, truncated: A
 
     Source: Sutton and Barto (2018), equation (7.1).
     """
+    if n < 1:
+        misused(f"an n-step return sums at least one reward, not {n}")
     rewards, next_values, gamma = numbers(rewards, next_values, gamma)
     terminated, truncated = flags(terminated, truncated)
     goes_on = _goes_on(terminated, truncated)
@@ -262,6 +264,8 @@ def vtrace(
 
 GRID = 8
 """Numbers of batches are multiples of 1/8, which floats hold exactly."""
+LEAST_STEPS = 8
+"""Steps of a batch that have room for all ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,6 +320,8 @@ def batch(steps: int = 12, seed: int = 0, *, exact: bool = False) -> RolloutBatc
     Returns:
         The batch.
     """
+    if steps < LEAST_STEPS:
+        misused(f"a batch has at least {LEAST_STEPS} steps, not {steps}")
     rng = np.random.default_rng(seed)
     shape = (steps, 4)
     rewards = rng.integers(-2 * GRID, 2 * GRID + 1, shape)

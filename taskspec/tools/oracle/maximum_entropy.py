@@ -42,7 +42,7 @@ def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal
 
     Args:
         task: a finite task with a horizon, its id or its path.
-        beta: the inverse temperature.
+        beta: the inverse temperature, not 0, at which values are infinite.
         reward: float (S, A), paid for an action in a state, in place of the task's reward.
         causal: MCE; else the distribution of trajectories in proportion to P(tau) exp(beta R(tau)).
 
@@ -50,11 +50,13 @@ def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal
         Soft values and the policy, float64, in the unit of the reward.
 
     Raises:
-        SpecError: E712 without an exact model or a horizon; E713 for a reward of another shape.
+        SpecError: E712 without an exact model or a horizon; E713 for a reward of another shape, or a beta of 0.
 
     Source: B. Ziebart, Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy (2010), equations
     (9.1) to (9.3); B. Ziebart, A. Maas, J. Bagnell and A. Dey, Maximum entropy inverse reinforcement learning (2008).
     """
+    if beta == 0:
+        misused("soft values are infinite where beta is 0", "`evaluate(task, \"random\")`")
     model = model_of(task)
     if model.horizon is None:
         refuse(f"{model.task.id} has no horizon", "give it one")

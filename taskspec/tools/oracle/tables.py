@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array, map_parts
+from taskspec.base.display import plural
 from taskspec.exact.model.extract import extract, lasting
 from taskspec.exact.model.model import Model, misused, refuse
 from taskspec.exact.model.probabilities import Reader
@@ -83,6 +84,7 @@ def _of_table(model: Model, table: Array) -> Array:
     if seen.is_known and model.task.observation_layout.form == "discrete":
         by_observation = _probabilities(table, seen.count, model.n_actions)
     if by_observation is None and by_state is not None:
+        _check_times(model, by_state)
         return by_state
     if by_observation is None:
         forms = f"({model.n_states},) for actions, ({model.n_states}, {model.n_actions}) for their probabilities"
@@ -90,6 +92,7 @@ def _of_table(model: Model, table: Array) -> Array:
     if by_state is not None and (seen.rows != np.arange(model.n_states)).any():
         hint = "a function of the observation, `lambda observation: table[observation]`"
         misused("the rows of this table may be states or observations, which are numbered differently", hint)
+    _check_times(model, by_observation)
     last = len(by_observation) - 1
     return np.stack([by_observation[min(t, last), rows] for t, rows in enumerate(seen.rows)])
 
@@ -104,6 +107,12 @@ def _probabilities(table: Array, rows: int, actions: int) -> Array | None:
     if table.shape[-2:] != (rows, actions) or table.ndim not in (2, 3):
         return None
     return table.reshape(-1, rows, actions)
+
+
+def _check_times(model: Model, table: Array) -> None:
+    if len(table) not in (1, times(model)):
+        message = f"a table over time has {plural(times(model), 'time')} on {model.task.id}, not {len(table)}"
+        misused(message, "leave the axis out where the time does not matter")
 
 
 # -- policies ---------------------------------------------------------------------------------------------------------

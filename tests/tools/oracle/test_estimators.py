@@ -152,6 +152,14 @@ def test_next_values_of_a_buffer() -> None:
     assert same(oracle.next_values(BATCH.values, BATCH.last_values, none, none)[:-1], BATCH.values[1:])
 
 
+def test_too_few_steps_are_refused() -> None:
+    b = oracle.batch(8)
+    with pytest.raises(SpecError, match=r"E713.*at least 8 steps, not 7"):
+        oracle.batch(7)
+    with pytest.raises(SpecError, match=r"E713.*at least one reward, not 0"):
+        oracle.n_step_returns(b.rewards, b.next_values, b.terminated, b.truncated, 0.9, 0)
+
+
 def test_floats_anywhere_give_floats() -> None:
     assert oracle.monte_carlo([Fraction(1, 2), 1], [False, True], [False, False], 0.5).dtype == np.float64
     assert oracle.monte_carlo([1, 2], [False, True], [False, False], 1).tolist() == [3.0, 2.0]

@@ -201,6 +201,15 @@ def test_noise_of_rewards_is_enumerated_too() -> None:
         oracle.expectation(reinforce, continuous, "random")
 
 
+@pytest.mark.parametrize(("function", "message"), [
+    (lambda episode: None, "a number or an array of numbers"), (lambda episode: "all", "a number or an array of numbers"),
+    (lambda episode: np.ones(len(episode.states) if episode.actions[0] else 1), "for one episode and"),
+])  # fmt: skip
+def test_a_function_that_forgets_its_result_or_changes_its_shape_is_refused(function: Any, message: str) -> None:
+    with pytest.raises(SpecError, match=f"E713.*{message}"):
+        oracle.expectation(function, "CoinToss", "random")
+
+
 def test_too_many_episodes_are_counted_and_refused() -> None:
     with pytest.raises(SpecError, match=r"E729.*2,097,152 episodes") as caught:
         oracle.expectation(reinforce, "Echo", "random")

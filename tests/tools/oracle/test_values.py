@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import taskspec
 from taskspec import oracle
 from taskspec.base.diagnostics import SpecError
+from tests.shared.sections import whole_spec
 from tests.shared.stand_in_torch import TORCH, Categorical, Module
 from tests.shared.tasks import Small
 
@@ -126,6 +128,34 @@ def test_no_policy_is_refused(policy: Any, code: str) -> None:
         oracle.evaluate("SecondThought", policy)
 
 
+PAIR = """
+state:
+  x: {type: int, low: 0, high: 1, shape: [SHAPE]}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 3
+initial:
+  x: START
+dynamics:
+  x': START
+reward: a
+"""
+
+
+@pytest.mark.parametrize(("shape", "start"), [("", "0"), ("2", "[0, 0]")])
+def test_a_table_over_time_has_a_row_for_each_step(shape: str, start: str, tmp_path: Path) -> None:
+    path = tmp_path / "pair.yaml"
+    path.write_text(whole_spec(PAIR.replace("SHAPE", shape).replace("START", start)))
+    shape_of_all = oracle.evaluate(path, "random").pi.shape
+    table = np.zeros(shape_of_all)
+    table[..., 0] = 1
+    table[2] = [0, 1]
+    assert oracle.evaluate(path, table).expected_return == 1
+    for wrong in (table[1:], np.concatenate([table, table])):
+        with pytest.raises(SpecError, match=f"E713.* has 3 times on .*, not {len(wrong)}"):
+            oracle.evaluate(path, wrong)
+
+
 def test_a_policy_of_drawn_observations_has_no_table() -> None:
     noisy = taskspec.load("SecondThought", modifiers=["dropout=0.5"])
     assert oracle.evaluate(noisy, "random").expected_return == 0.125
@@ -204,6 +234,8 @@ def test_causal_entropy_is_what_the_named_policy_plans() -> None:
     assert DISCOUNTED.start @ soft.V[0] == pytest.approx(objective)
     with pytest.raises(SpecError, match="E713"):
         oracle.soft_values(task, reward=np.zeros(3))
+    with pytest.raises(SpecError, match=r"E713.*beta is 0"):
+        oracle.soft_values(task, 0)
 
 
 def test_feature_expectations_count_visits() -> None:
