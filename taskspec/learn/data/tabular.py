@@ -64,6 +64,13 @@ class Tabular:
         return int(self.R.shape[1])
 
     @cached_property
+    def legal(self) -> Array:
+        """bool (S, A): whether an action may be taken in a state; what illegal ones do, the equations say."""
+        if self.model.legal is None:
+            return np.ones(self.R.shape, np.bool_)
+        return np.ascontiguousarray(self.model.legal.T)
+
+    @cached_property
     def sparse(self) -> tuple[Sparse, ...]:
         """For each action the probabilities of the next states, A sparse matrices (S, S) (`scipy.sparse.csr_array`)."""
         parts = (self.going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))

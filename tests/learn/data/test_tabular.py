@@ -8,6 +8,7 @@ import pytest
 import taskspec
 from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import scores
+from tests.shared.sections import whole_spec
 from tests.shared.specs import spec_file
 
 TASKS = [
@@ -43,6 +44,36 @@ def test_planning_on_the_arrays_gives_the_optimal_return(task: str) -> None:
     assert optimal is not None and np.isclose(best(found), optimal.value)
     for a, part in enumerate(found.sparse):
         assert np.array_equal(part.toarray(), found.P[:, a])
+
+
+STOCK = """
+state:
+  n: {type: int, low: 0, high: 2}
+action:
+  a: {type: choice, values: [buy, sell]}
+legal: a == buy or n > 0
+horizon: 3
+initial:
+  n: 0
+dynamics:
+  n': "min(n + 1, 2) if a == buy else max(n - 1, 0)"
+reward: 2 if a == sell else -1
+"""
+
+
+def test_planning_on_the_arrays_needs_the_legal_actions(tmp_path: Path) -> None:
+    path = tmp_path / "stock.yaml"
+    path.write_text(whole_spec(STOCK))
+    found = tabular(path)
+    assert found.legal.tolist() == [[True, False], [True, True], [True, True]]
+    assert tabular("RiskyPath").legal.all()
+    optimal = scores(path).optimal
+    assert optimal is not None and optimal.value == 0
+    values = np.zeros(found.n_states)
+    for _ in range(3):
+        values = np.where(found.legal, found.R + found.P @ values, -np.inf).max(axis=1)
+    assert found.p0 @ values == 0
+    assert best(found) == 6
 
 
 def test_ends_are_states_that_absorb() -> None:
