@@ -20,6 +20,7 @@ MISSING = [
     ("sb3", "stable_baselines3", "import taskspec.envs.sb3"),
     ("parquet", "pyarrow", "command('demos', 'RiskyPath', '-o', 'shown.parquet')"),
     ("minari", "minari", "command('demos', 'RiskyPath', '--format', 'minari', '-o', 'shown-v0')"),
+    ("minari", "PIL", "command('demos', 'RiskyPath', '--format', 'minari', '-o', 'shown-v0')"),
     ("imitation", "imitation", "from taskspec.data import demonstrations; demonstrations('RiskyPath').imitation()"),
     ("play", "pygame", "command('play', 'RiskyPath')"),
     ("play", "pygame", "from taskspec.tools.play import play; play(taskspec.make('Sort'))"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, NoReturn
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 
@@ -147,7 +147,8 @@ def _write_minari(folder: Path, data: Demonstrations, name: str) -> None:
     if data.task is None:
         misused("Minari stores what `demonstrations` gives, not what was read", "write both at once")
     storage = need("minari.dataset.minari_storage", "minari", "this format").MinariStorage
-    need("h5py", "minari", "this format")
+    for package in ("h5py", "PIL"):  # which Minari imports when it writes
+        need(package, "minari", "this format")
     buffer = need("minari.data_collector").EpisodeBuffer
     told = data.metadata
     made = storage.new(
@@ -175,6 +176,8 @@ def _write_npz(path: Path, data: Data, name: str) -> None:
 
 
 def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    if not is_zipfile(path):
+        raise ValueError("it is no npz file")
     with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
         arrays = dict(held)
     return arrays, json.loads(str(arrays.pop("metadata")))

@@ -206,10 +206,9 @@ def test_what_is_read_is_what_was_written(task: Any, suffix: str, tmp_path: Path
 def test_files_that_hold_no_data_are_refused(tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_text("what")
     np.savez(tmp_path / "y.npz", a=np.zeros(3))
-    for name, code in (("x.npz", "E711"), ("y.npz", "E711"), ("z.npz", "E710")):
-        with pytest.raises(taskspec.SpecError) as caught:
+    for name, message in (("x.npz", "E711.*no npz file"), ("y.npz", "E711.*no `metadata`"), ("z.npz", "E710")):
+        with pytest.raises(taskspec.SpecError, match=message):
             read(tmp_path / name)
-        assert caught.value.diagnostics[0].code == code
 
 
 DAMAGE: dict[str, tuple[dict[str, Any], str]] = {
