@@ -17,7 +17,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_error
+from taskspec.base.diagnostics import SpecError, TaskspecError, raise_if_errors, records, spec_error
 from taskspec.base.display import decimal, json_data
 from taskspec.base.ids import assigned
 from taskspec.base.named import entries_by_name
@@ -90,6 +90,8 @@ def answered(message: bytes, root: Path) -> bytes:
         answer = {"ok": False, "message": first.message, "hint": first.hint, "problems": records(error.diagnostics)}
     except FileRefused as error:
         answer = {"ok": False, "message": str(error), "refused": error.why}
+    except TaskspecError as error:  # such as an action of a policy in a file that is none
+        answer = {"ok": False, "message": str(error)}
     except Exception as error:  # a mistake of ours, or a message of another form
         answer = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
     answer |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}

@@ -174,6 +174,7 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     """Return an episode after some actions, a function of the seed and the actions alone; with the regret of each.
 
     The regret of an action is `gamma**t * (V[t, s] - Q[t, s, a])` of the optimal plan: regrets add up to what the actions lose.
+    An illegal action has none.
     """
     task = results.task
     env = Environment(task)
@@ -200,8 +201,9 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         if t == len(taken):
             best = np.flatnonzero(greedy(q)).tolist()
             continue
-        regret = task.discount**t * float(q.max() - q[taken[t]])
-        steps[t] |= {"regret": regret, "regret_text": fraction(regret) or number(regret)}
+        if q[taken[t]] > -np.inf:
+            regret = task.discount**t * float(q.max() - q[taken[t]])
+            steps[t] |= {"regret": regret, "regret_text": fraction(regret) or number(regret)}
     regrets = [step["regret"] for step in steps]
     lost = None if None in regrets else sum(regrets)
     if ended:

@@ -135,12 +135,28 @@ def test_values_of_other_plans_satisfy_their_own_equations(page: Page, folder: P
         assert model.start @ V == pytest.approx(-122.21875)
 
 
+PURSE = (
+    "taskspec: 1\nname: Purse\nhorizon: 3\nstate: {s: {type: int, low: 0, high: 2}}\n"
+    "action: {a: {type: int, low: 0, high: 2}}\nlegal: a <= s\ninitial: {s: 2}\ndynamics: {s': 'max(s - a, 0)'}\nreward: a\n"
+)
+
+
+def test_an_illegal_action_has_no_regret(page: Page) -> None:
+    """Moves that an edit of the text makes illegal are played on."""
+    played = page.ask("play", text=PURSE, path="purse.yaml", settings={}, actions=[1, 2], seed=0)
+    assert [step["reward"] for step in played["steps"]] == [1, 2]
+    assert [step["regret"] for step in played["steps"]] == [0, None]
+    assert played["regret"] is None
+
+
+def test_an_action_of_a_file_that_is_none_is_named(page: Page, folder: Path) -> None:
+    text = PURSE.replace("low: 0, high: 2}}\nlegal", "low: 1, high: 2}}\nlegal")
+    said = page.refusal("rollout", text=text, path="purse.yaml", settings={}, policy="model.py:act")["message"]
+    assert said.startswith("E706: 0 is not an action of ")
+
+
 def test_illegal_actions_have_no_value(page: Page) -> None:
-    text = (
-        "taskspec: 1\nname: Purse\nhorizon: 3\nstate: {s: {type: int, low: 0, high: 2}}\n"
-        "action: {a: {type: int, low: 0, high: 2}}\nlegal: a <= s\ninitial: {s: 2}\ndynamics: {s': 'max(s - a, 0)'}\nreward: a\n"
-    )
-    states = page.ask("values", text=text, path="purse.yaml", settings={}, plan="optimal", time=1)["states"]
+    states = page.ask("values", text=PURSE, path="purse.yaml", settings={}, plan="optimal", time=1)["states"]
     told = {state["label"]: state["q"] for state in states}
     assert told == {"s = 0": [0, None, None], "s = 1": [1, 1, None], "s = 2": [2, 2, 2]}
 
