@@ -33,6 +33,25 @@ alternating = Alternating()
 """
 
 
+WRONG = """
+def fails(observation):
+    return observation["place"]
+
+
+def forgets(observation):
+    observation + 1
+"""
+
+
+def test_a_function_that_fails_or_returns_nothing_is_a_message(tmp_path: Path) -> None:
+    path = tmp_path / "model.py"
+    path.write_text(WRONG, encoding="utf-8")
+    for command in (["run"], ["demos", "-o", tmp_path / "shown.npz"]):
+        for name, said in (("fails", "fails failed: TypeError"), ("forgets", "forgets returned no action")):
+            done = Done(*command, "RiskyPath", "--policy", f"{path}:{name}")
+            assert done.status == 1 and said in " ".join(done.err.split()), done.err
+
+
 def test_files_may_take_a_generator_or_predict_wherever_policies_are_taken(tmp_path: Path) -> None:
     path = tmp_path / "model.py"
     path.write_text(FILE, encoding="utf-8")

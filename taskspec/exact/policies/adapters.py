@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
 from taskspec.base.named import all_names
 from taskspec.exact.model.model import Model, misused
@@ -63,6 +63,19 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     if callable(given):
         return ObservationFunction(task, given, name=name)
     unknown(name, ("a function of the observation", "an object with `predict`"))
+
+
+def asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
+    """Return what a policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
+    try:
+        return acting.act(batch)
+    except SpecError:
+        raise
+    except Exception as error:
+        if not isinstance(policy, str):
+            raise
+        message = f"the policy {acting.name} failed: {type(error).__name__}: {error}"
+        raise spec_error("E713", message) from error
 
 
 class ObservationPolicy(TaskPolicy):
@@ -300,9 +313,13 @@ class ObservationFunction(ObservationPolicy):
 
     def _one(self, batch: EpisodeBatch, lane: int) -> Any:
         observation = observation_of(batch.observations, lane)
-        if not self.takes_rng:
-            return self.function(observation)
-        return self.function(observation, rng=self.rng or batch.draws.generator(lane))
+        given = {}
+        if self.takes_rng:
+            given["rng"] = self.rng or batch.draws.generator(lane)
+        action = self.function(observation, **given)
+        if action is None:
+            raise spec_error("E706", f"the policy {self.name} returned no action", "does the function end in `return`?")
+        return action
 
 
 class StateFunction(TaskPolicy):

@@ -22,7 +22,7 @@ from taskspec.base.extras import need
 from taskspec.base.limits import tell
 from taskspec.envs.options import positive, seed_of
 from taskspec.exact.model.model import misused
-from taskspec.exact.policies.adapters import policy_of
+from taskspec.exact.policies.adapters import asked, policy_of
 from taskspec.exact.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
 from taskspec.language import draws
 from taskspec.language.registry import load, role
@@ -245,7 +245,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen = b.seen.view(copy=True)
         state = by_name(task.state, b.state)
-        actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
+        actions = asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.view(copy=True), b.final.view(), b.ended)
         rows.append((seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running))
@@ -253,19 +253,6 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
         if not running.any():
             return _transitions(rows, first)
     raise AssertionError
-
-
-def _asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
-    """Return what the policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
-    try:
-        return acting.act(batch)
-    except SpecError:
-        raise
-    except Exception as error:
-        if not isinstance(policy, str):
-            raise
-        message = f"the policy {acting.name} failed: {type(error).__name__}: {error}"
-        raise spec_error("E713", message) from error
 
 
 def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> None:

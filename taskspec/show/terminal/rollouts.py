@@ -15,7 +15,7 @@ import numpy as np
 from taskspec.base.arrays import Array, map_parts
 from taskspec.base.display import decimal, estimate
 from taskspec.base.limits import tell
-from taskspec.exact.policies.adapters import ObservationPolicy, policy_of
+from taskspec.exact.policies.adapters import ObservationPolicy, asked, policy_of
 from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
 from taskspec.exact.policies.python_files import is_function
 from taskspec.exact.rollout.rollout import alone
@@ -77,7 +77,7 @@ def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDr
         observations = map_parts(lambda part: np.asarray(part)[None], observation)
         states = _states(env) if env.task.mask else {}
         batch = EpisodeBatch(env.time, states, observations, draws, _RUNNING)
-        return observation_of(np.asarray(policy.act(batch)), 0)
+        return observation_of(np.asarray(asked(policy, batch, policy.name)), 0)
 
     return act
 
