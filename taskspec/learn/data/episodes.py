@@ -17,7 +17,7 @@ import numpy as np
 
 from taskspec.base import __version__
 from taskspec.base.arrays import Array, end_to_end, map_parts, part_at, parts_of
-from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.base.limits import tell
 from taskspec.envs.options import positive, seed_of

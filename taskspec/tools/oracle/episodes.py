@@ -135,7 +135,8 @@ def expectation(
         E[f] = sum over tau of Pr(tau) f(tau),    Pr(tau) = p(s_0) prod over t of pi(a_t | s_t) p(s_{t+1}, r_t | s_t, a_t)
 
     Args:
-        function: from one `EnumeratedEpisode` to a number or an array, of the same shape for all; with `episodes=k`, from a tuple of k independent ones.
+        function: from one `EnumeratedEpisode` to a number or an array, of the same shape for all; with `episodes=k`, from a
+            tuple of k independent ones.
         task: a finite task whose episodes end, its id or its path.
         policy: the policy that acts, as `evaluate` takes it.
         episodes: the size of a group.

@@ -56,7 +56,7 @@ def soft_values(task: TaskLike, beta: float = 1.0, *, reward: Any = None, causal
     (9.1) to (9.3); B. Ziebart, A. Maas, J. Bagnell and A. Dey, Maximum entropy inverse reinforcement learning (2008).
     """
     if beta == 0:
-        misused("soft values are infinite where beta is 0", "`evaluate(task, \"random\")`")
+        misused("soft values are infinite where beta is 0", '`evaluate(task, "random")`')
     model = model_of(task)
     if model.horizon is None:
         refuse(f"{model.task.id} has no horizon", "give it one")

@@ -156,7 +156,10 @@ def test_a_graph_that_values_make_too_crowded_becomes_a_matrix_with_them(figure:
     bare = scene(task)
     assert bare is not None and bare.alt.startswith("Transition graph")
     shown = legend(task, "values", "policy")
-    assert shown == ["V: best return with all 5 steps to go", "frames where they lead: best actions with all 5 steps to go"]
+    assert shown == [
+        "V: best return with all 5 steps to go",
+        "frames where they lead: best actions with all 5 steps to go",
+    ]
     found = scene(task, overlay(task, ["values"]))
     assert found is not None and "V = 4.667" in words(found)
 
