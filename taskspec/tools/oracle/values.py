@@ -131,7 +131,8 @@ def evaluate(task: TaskLike, policy: Any, *, exact: bool = False) -> PolicyEvalu
         policy: a name ("random", "expert", "optimal", "soft(1)", "epsilon(0.1)"); a table of probabilities (S, A) or (T, S, A),
             or of actions (S,) or (T, S), over the states of the model or over observations; a function from one observation to
             probabilities (A,) or an action; a module of PyTorch from observations to logits (S, A) or a categorical
-            distribution; or an object with `predict`, as models of Stable-Baselines3 are, which samples its actions.
+            distribution; or an object with `predict`, as models of Stable-Baselines3 are, which samples its actions. Illegal
+            actions keep the probabilities that tables, functions and modules give them; those of an object are left out.
         exact: in rationals, with the numbers as the spec writes them (0.1 is 1/10) and probabilities as short fractions.
 
     Returns:

@@ -156,6 +156,21 @@ def test_a_table_over_time_has_a_row_for_each_step(shape: str, start: str, tmp_p
             oracle.evaluate(path, wrong)
 
 
+def test_functions_and_tables_may_take_illegal_actions_and_objects_do_not(tmp_path: Path) -> None:
+    class Learner:
+        def predict(self, observations: Array, **options: Any) -> Array:
+            return np.zeros(len(observations), np.int64)
+
+        def action_probabilities(self, observations: Array) -> Array:
+            return np.full((len(observations), 2), 0.5)
+
+    path = tmp_path / "pair.yaml"
+    text = PAIR.replace("SHAPE", "").replace("START", "0")
+    path.write_text(whole_spec(text + "legal: a == 0\n"))
+    for policy, expected in ((lambda _: [0.5, 0.5], 1.5), (np.full((2, 2), 0.5), 1.5), (Learner(), 0), ("random", 0)):
+        assert oracle.evaluate(path, policy).expected_return == expected
+
+
 def test_a_policy_of_drawn_observations_has_no_table() -> None:
     noisy = taskspec.load("SecondThought", modifiers=["dropout=0.5"])
     assert oracle.evaluate(noisy, "random").expected_return == 0.125
