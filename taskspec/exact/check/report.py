@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
-from taskspec.base.display import html_table
+from taskspec.base.display import html_table, plural
 from taskspec.exact.abstraction.abstraction import SymmetryCheck, verify_symmetry
 from taskspec.exact.check import model_warnings, spec_warnings
 from taskspec.exact.check.spec_warnings import Doubt, LintContext
@@ -188,13 +188,13 @@ class Report:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
 
     def __repr__(self) -> str:
-        counts = f"{len(self.diagnostics)} problems, {len(self.verdicts)} verdicts"
+        counts = f"{plural(len(self.diagnostics), 'problem')}, {plural(len(self.verdicts), 'verdict')}"
         return f"<Report of {self.task.instance_id}: {counts}>"
 
     def _repr_html_(self) -> str:
         rows = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
         rows += [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
-        caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        caption = f"{self.task.id}: {plural(len(self.errors), 'error')}, {plural(len(self.warnings), 'warning')}"
         return html_table(caption, ("", "where", "what", ""), rows)
 
 

@@ -10,6 +10,7 @@ from taskspec.exam import read as read_exam
 from taskspec.language.source import read_text
 from taskspec.language.task.build import build
 from taskspec.show.pages.page import page
+from tests.shared.sections import build_text, text
 
 
 class Cells(HTMLParser):
@@ -48,6 +49,12 @@ def test_scores_and_reports_are_tables() -> None:
     rows = Cells(report._repr_html_()).rows[1:]
     assert [row[0] for row in rows] == [v.status for v in report.verdicts]
     assert rows[0][2] == "optimal_return == 1"
+
+
+def test_one_warning_is_not_warnings() -> None:
+    report = check(build_text(text(parameters="{p: {type: int, default: 1}}")))
+    assert [d.code for d in report.warnings] == ["W506"]
+    assert ": 0 errors, 1 warning<" in report._repr_html_() and ": 1 problem, 0 verdicts>" in repr(report)
 
 
 def test_a_task_tells_what_it_has() -> None:
