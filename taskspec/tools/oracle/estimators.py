@@ -12,6 +12,7 @@ The convention of all functions here. Arrays are (T,), or (T, N) for N environme
 - A *reset in the middle* of a batch lies between a step with either flag and the row after it. That row belongs to the next
   episode, and nothing of it enters the rows before.
 - The *last row* of a batch is a cut, too, unless it terminates.
+- Arrays of another shape are refused (E713).
 - Where environments reset in a step of their own (Gymnasium's `AutoresetMode.NEXT_STEP`), that row is no step of any episode:
   its own result means nothing, and it changes no other row.
 """
@@ -49,6 +50,16 @@ def numbers(*values: Any) -> list[Array]:
 def flags(*values: Any) -> list[Array]:
     """Return flags, bool arrays."""
     return [plain(value).astype(np.bool_) for value in values]
+
+
+def check_shapes(**arrays: Array) -> None:
+    """Refuse (E713) arrays of another shape than the first, which NumPy might spread over each other; single numbers may be."""
+    first, *others = arrays
+    shape = arrays[first].shape
+    for name in others:
+        if arrays[name].shape not in ((), shape):
+            hint = f"reshape it, as in `{name}.reshape({first}.shape)`"
+            misused(f"`{first}` has shape {shape}, and `{name}` has {arrays[name].shape}", hint)
 
 
 # -- values of a buffer -----------------------------------------------------------------------------------------------
@@ -112,6 +123,7 @@ def td_errors(rewards: Any, values: Any, next_values: Any, terminated: Any, gamm
     """
     rewards, values, next_values, gamma = numbers(rewards, values, next_values, gamma)
     (terminated,) = flags(terminated)
+    check_shapes(rewards=rewards, values=values, next_values=next_values, terminated=terminated)
     return np.asarray(rewards + gamma * _followed(terminated, next_values) - values)
 
 
@@ -153,6 +165,7 @@ def n_step_returns(rewards: Any, next_values: Any, terminated: Any, truncated: A
         misused(f"an n-step return sums at least one reward, not {n}")
     rewards, next_values, gamma = numbers(rewards, next_values, gamma)
     terminated, truncated = flags(terminated, truncated)
+    check_shapes(rewards=rewards, next_values=next_values, terminated=terminated, truncated=truncated)
     goes_on = _goes_on(terminated, truncated)
     after = _followed(terminated, next_values)
     G = np.zeros_like(rewards)
@@ -183,6 +196,7 @@ def lambda_returns(rewards: Any, next_values: Any, terminated: Any, truncated: A
     """
     rewards, next_values, gamma, lam = numbers(rewards, next_values, gamma, lam)
     terminated, truncated = flags(terminated, truncated)
+    check_shapes(rewards=rewards, next_values=next_values, terminated=terminated, truncated=truncated)
     goes_on = _goes_on(terminated, truncated)
     after = _followed(terminated, next_values)
     G = np.zeros_like(rewards)
@@ -209,7 +223,9 @@ def gae(rewards: Any, values: Any, next_values: Any, terminated: Any, truncated:
     advantage estimation (2016), equation (16).
     """
     delta, gamma, lam = numbers(td_errors(rewards, values, next_values, terminated, gamma), gamma, lam)
-    goes_on = _goes_on(*flags(terminated, truncated))
+    terminated, truncated = flags(terminated, truncated)
+    check_shapes(rewards=delta, truncated=truncated)
+    goes_on = _goes_on(terminated, truncated)
     A = np.zeros_like(delta)
     for t in range(len(delta)):
         weight = np.ones_like(delta[t])
@@ -248,6 +264,7 @@ def vtrace(
         *given, gamma, rho_bar, c_bar, lam
     )
     terminated, truncated = flags(terminated, truncated)
+    check_shapes(rewards=rewards, truncated=truncated, ratios=ratios)
     goes_on = _goes_on(terminated, truncated)
     rho = np.minimum(rho_bar, ratios)
     c = lam * np.minimum(c_bar, ratios)

@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exact.model.model import misused
-from taskspec.tools.oracle.estimators import flags, numbers
+from taskspec.tools.oracle.estimators import check_shapes, flags, numbers
 
 
 def rloo(rewards: Any) -> Array:
@@ -98,7 +98,9 @@ def ppo_loss(log_probs: Any, old_log_probs: Any, advantages: Any, clip: float = 
     Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford and O. Klimov, Proximal policy optimization algorithms (2017),
     equation (7), negated.
     """
-    return float(-_clipped(log_probs, old_log_probs, advantages, clip, clip).mean())
+    new, old, A = numbers(log_probs, old_log_probs, advantages)
+    check_shapes(log_probs=new, old_log_probs=old, advantages=A)
+    return float(-_clipped(new, old, A, clip, clip).mean())
 
 
 def _clipped(log_probs: Any, old_log_probs: Any, advantages: Any, low: float, high: float) -> Array:
@@ -176,6 +178,7 @@ def bradley_terry_loss(chosen: Any, rejected: Any, labels: Any = 1) -> float:
     Source: P. Christiano et al., Deep reinforcement learning from human preferences (2017), section 2.2.3, equation (1).
     """
     chosen, rejected, labels = (each.astype(np.float64) for each in numbers(chosen, rejected, labels))
+    check_shapes(chosen=chosen, rejected=rejected, labels=labels)
     margin = chosen - rejected
     return float(np.mean(labels * np.logaddexp(0, -margin) + (1 - labels) * np.logaddexp(0, margin)))
 

@@ -152,6 +152,22 @@ def test_next_values_of_a_buffer() -> None:
     assert same(oracle.next_values(BATCH.values, BATCH.last_values, none, none)[:-1], BATCH.values[1:])
 
 
+def test_a_column_beside_a_row_is_refused() -> None:
+    """NumPy would make a square of (T, 1) and (T,)."""
+    b = oracle.batch()
+    flat = [each[:, 0] for each in (b.rewards, b.values, b.next_values, b.terminated, b.truncated, b.ratios)]
+    for i, name in enumerate(("values", "next_values", "terminated", "truncated", "ratios"), 1):
+        given = [*flat[:i], flat[i][:, None], *flat[i + 1 :]]
+        with pytest.raises(SpecError, match=rf"E713.*`{name}` has \(12, 1\)"):
+            oracle.vtrace(*given, 0.9)
+    rewards, values, next_values, terminated, truncated, _ = flat
+    with pytest.raises(SpecError, match="`truncated` has"):
+        oracle.gae(rewards, values, next_values, terminated, truncated[:, None], 0.9, 0.9)
+    for estimate, last in ((oracle.n_step_returns, (3,)), (oracle.lambda_returns, (0.9,))):
+        with pytest.raises(SpecError, match="`next_values` has"):
+            estimate(rewards, next_values[:, None], terminated, truncated, 0.9, *last)
+
+
 def test_too_few_steps_are_refused() -> None:
     b = oracle.batch(8)
     with pytest.raises(SpecError, match=r"E713.*at least 8 steps, not 7"):

@@ -62,3 +62,11 @@ def test_losses_of_preferences() -> None:
     assert oracle.dpo_loss([-1.0], [-2.0], [-1.0], [-2.0]) == pytest.approx(math.log(2))
     implicit = oracle.dpo_loss([-1.0], [-2.0], [-4.0], [-3.0], beta=0.5)
     assert implicit == oracle.bradley_terry_loss([0.5 * 3.0], [0.5 * 1.0])
+
+
+def test_a_column_beside_a_row_is_refused() -> None:
+    row = np.array([0.5, -1.0])
+    with pytest.raises(SpecError, match=r"E713.*`advantages` has \(2, 1\)"):
+        oracle.ppo_loss(row, row, row[:, None])
+    with pytest.raises(SpecError, match=r"E713.*`rejected` has \(2, 1\)"):
+        oracle.bradley_terry_loss(row, row[:, None])
