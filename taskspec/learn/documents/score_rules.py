@@ -45,6 +45,7 @@ _ROWS: tuple[tuple[str, str, Statistic, str], ...] = (
     ("before_ends", "before_ends", "mean", "Error of steps that go on, from rewards and values of what follows."),
     ("left", "left", "lowest", "Share of both that four times the steps leave, of the seed with the least."),
     ("moved", "moved", "mean", "How far learned values are from their first ones, as a share of the spread of right ones."),
+    ("apart", "apart", "mean", "Distance of the policy to the demonstrated actions, 0 to 1: their total variation."),
     ("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
 )  # fmt: skip
 NUMBERS: dict[str, OverSeeds] = {}
@@ -85,6 +86,7 @@ QUANTIFIERS: dict[str, str] = {
     "any": "It holds for at least one.",
     "most": "It holds for more than half.",
     "count": "The number for which it holds.",
+    "mean": "The mean of a number over those that have it: `mean(score(t) for t in tasks) > 0`.",
 }
 
 
@@ -267,6 +269,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         match expr:
             case s.Call(function="count"):
                 return _counted(list(self._each(expr)))
+            case s.Call(function="mean"):
+                return self._mean(expr)
             case s.Call(function=name, args=args, keywords=keywords) if name in FUNCTIONS:
                 low, high, _ = FUNCTIONS[name]
                 if keywords or not low <= len(args) <= high:
@@ -344,13 +348,33 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return expr.id
 
     def _each(self, expr: s.Call) -> Iterator[Truth[Comparison]]:
+        """Yield whether a condition holds, for each member of a group."""
+        for inner, condition in self._of_members(expr, "a condition", "score(t) > 0.9"):
+            yield inner.truth(condition)
+
+    def _mean(self, expr: s.Call) -> Estimate:
+        """Return the mean of a number over the members of a group that have it."""
+        numbers = []
+        missing = ""
+        for inner, element in self._of_members(expr, "a number", "score(t)"):
+            try:
+                numbers.append(inner.number(element))
+            except Undecidable as error:
+                missing = str(error)
+        if not numbers:
+            raise Undecidable(missing)
+        first, *others = numbers
+        return first.map(lambda *each: sum(each) / len(each), *others)
+
+    def _of_members(self, expr: s.Call, needed: str, example: str) -> Iterator[tuple[ScoreEvaluator, s.Expr]]:
+        """Yield an evaluator for each member of a group, and the element of the comprehension."""
         if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
-            hint = f"`{expr.function}(score(t) > 0.9 for t in tasks)`"
-            self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
+            hint = f"`{expr.function}({example} for t in tasks)`"
+            self._fail("E304", expr, f"{expr.function} takes {needed} for each of some tasks", hint)
         comprehension = expr.args[0]
         for inner in self._chosen(comprehension.clauses):
             if not (self.unable and inner._is_about_unable(comprehension.element)):
-                yield inner.truth(comprehension.element)
+                yield inner, comprehension.element
 
     def _is_about_unable(self, condition: s.Expr) -> bool:
         tasks, learners = self._subjects((condition,))

@@ -275,12 +275,13 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
 
 
 def _worst_steps(exam: Mapping[str, Any], evidence: Iterable[Comparison]) -> list[str]:
-    """Return the step with the largest error of all tasks whose errors of learned values are evidence, in words; [] without."""
-    tasks = set(itertools.chain.from_iterable(each.tasks for each in evidence if "_ends(" in each.text))
+    """Return the step with the largest error of all tasks whose errors of steps are evidence, in words; [] without."""
+    errors = "at_ends(", "before_ends(", "apart("
+    tasks = set(itertools.chain.from_iterable(each.tasks for each in evidence if each.text.startswith(errors)))
     worst = ""
     largest = 0.0
     for score in exam["scores"]:
-        error = max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0)
+        error = max(score.get("at_ends") or 0.0, score.get("before_ends") or 0.0, score.get("apart") or 0.0)
         is_printed = score["peek"] is None and score["twin"] is None
         if is_printed and short_name(score["task"]) in tasks and score.get("worst_step") and error > largest:
             largest = error

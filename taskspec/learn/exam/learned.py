@@ -22,7 +22,7 @@ from taskspec.learn.exam.judgement import Judgement, Run, judged
 from taskspec.learn.exam.learned_values import MOVED, SMALL, LearnedValues, is_read
 from taskspec.learn.exam.mistakes import MISTAKES, anchor
 from taskspec.learn.exam.operators import GOOD
-from taskspec.learn.exam.pairings import pairing_distances
+from taskspec.learn.exam.pairings import pairing_fields
 from taskspec.learn.exam.results import Flag, Score
 from taskspec.learn.exam.starc import reward_fields
 from taskspec.learn.observed_policies import observation_rows, observed_probabilities
@@ -75,7 +75,7 @@ def learned_fields(
         policy = learned
         if isinstance(learned, Learned):
             policy = learned.policy
-        fields["pairings"] = pairing_distances(task, policy, demonstrations)
+        fields |= pairing_fields(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         fields |= reward_fields(task, learned.reward)
     if sees_reward:
@@ -273,23 +273,25 @@ DOUBTFUL = 3
 def unfinished(scores: Sequence[Score]) -> list[str]:
     """Return the tasks with errors of learned values, or with values that hardly move: longer training shows whether they stay.
 
-    None where a known mistake explains them. Tasks count whose episodes end for certain after some step: they show most.
+    None where a known mistake explains them. First are tasks whose episodes end for certain after some step: they show most.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []
     errors: dict[str, list[float]] = defaultdict(list)
     moved: dict[str, list[float]] = defaultdict(list)
+    ending = set()
     for score in scores:
         if score["peek"] is not None or score["twin"] is not None or score.get("moved") is None:
             continue
         moved[score["task"]].append(score["moved"] or 0.0)
-        at_ends = score.get("at_ends")
-        if at_ends is not None:
-            errors[score["task"]].append(max(at_ends, score.get("before_ends") or 0.0))
+        errors[score["task"]].append(_errors(score))
+        if score.get("at_ends") is not None:
+            ending.add(score["task"])
     mean_errors = {task: float(np.mean(each)) for task, each in errors.items()}
     wrong = [task for task in errors if mean_errors[task] > SMALL]
+    wrong.sort(key=lambda task: (task not in ending, -mean_errors[task]))
     unmoved = [task for task in moved if task not in wrong and np.mean(moved[task]) < MOVED]
-    return [*sorted(wrong, key=lambda task: -mean_errors[task]), *unmoved][:DOUBTFUL]
+    return [*wrong, *unmoved][:DOUBTFUL]
 
 
 def compare_with_extended(scores: Sequence[Score]) -> None:

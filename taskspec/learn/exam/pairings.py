@@ -84,29 +84,36 @@ def shown_of(task: Task, demonstrations: Demonstrations) -> Shown:
     )  # fmt: skip
 
 
-def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -> dict[str, float] | None:
-    """Return how far a policy is from those of `PAIRINGS`: 0 to 1, the total variation over what was demonstrated.
-
-    A pairing that is right on this task is left out.
+def pairing_fields(task: Task, policy: Any, demonstrations: Demonstrations) -> dict[str, Any]:
+    """Return how a policy compares with what was demonstrated, as fields of a result.
 
     Args:
         policy: what a learner returned.
         demonstrations: that it was shown.
 
     Returns:
-        None where observations or actions are not discrete, or the policy gives no probabilities.
+        `pairings`: distances from `PAIRINGS`, 0 to 1, the total variation over what was demonstrated; a pairing that is right on
+        this task is left out. `apart`: the distance from the right one. `worst_step`: the observation where it differs most, in
+        words. Nothing where observations or actions are not discrete, or the policy gives no probabilities.
     """
     seen = task.observation_layout
     done = task.action_layout
     if seen.form != "discrete" or done.form != "discrete" or done.counts[0] < 2:
-        return None
+        return {}
     rows = observation_rows(task, policy)
     if rows is None:
-        return None
+        return {}
     shown = shown_of(task, demonstrations)
     distances = {}
     for name, pairing in PAIRINGS.items():
         paired = pairing(shown)
         if name == "right" or shown.distance(paired, shown.right) >= APART:
             distances[name] = shown.distance(rows, paired)
-    return distances
+    excess = rows - shown.right
+    excess[np.bincount(shown.obs, minlength=len(rows)) == 0] = 0.0
+    obs, action = map(int, np.unravel_index(excess.argmax(), excess.shape))
+    worst = (
+        f"in observation {obs + seen.starts[0]} it takes action {action + done.starts[0]} with a probability of "
+        f"{rows[obs, action]:.2f}, in the demonstrations it is {shown.right[obs, action]:.2f}"
+    )
+    return {"pairings": distances, "apart": distances["right"], "worst_step": worst}

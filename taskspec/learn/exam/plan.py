@@ -302,6 +302,6 @@ def score_of(planned: Planned, row: Row, about: Examined) -> Score:
         "value": in_units(row.get("value")), "longer": row.get("longer"), "explained": row.get("explained"),
         "reseeded": row.get("reseeded"), "tried": row.get("tried"), "agrees": row.get("agrees"),
         "at_ends": row.get("at_ends"), "before_ends": row.get("before_ends"), "moved": row.get("moved"),
-        "worst_step": row.get("worst_step"),
+        "apart": row.get("apart"), "worst_step": row.get("worst_step"),
         "spent": row.get("steps", 0) / planned.trial.terms.steps,
     }  # fmt: skip

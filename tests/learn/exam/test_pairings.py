@@ -10,7 +10,7 @@ import taskspec
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.learn.exam.case import ExamTerms
 from taskspec.learn.exam.mistakes import MISTAKES
-from taskspec.learn.exam.pairings import PAIRINGS, pairing_distances
+from taskspec.learn.exam.pairings import PAIRINGS, pairing_fields
 from tests.shared.exams import flags
 from tests.shared.sparse import sparse
 
@@ -120,6 +120,6 @@ def test_the_first_episode_alone_explains_what_others_would_have_shown() -> None
     task = taskspec.load("probes/CoinToss")
     case = Case(task, (0,), ExamTerms(1, ("demonstrations",), 400))
     obs, acts = next(_episodes(case))
-    found = pairing_distances(task, _cloned(case, zip(obs, acts, strict=False)), case.demonstrations)
+    found = pairing_fields(task, _cloned(case, zip(obs, acts, strict=False)), case.demonstrations)["pairings"]
     assert found is not None and found.keys() <= PAIRINGS.keys()
     assert found.get("first episode", found["right"]) <= found["right"]
