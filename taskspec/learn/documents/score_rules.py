@@ -353,14 +353,17 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             yield inner.truth(condition)
 
     def _mean(self, expr: s.Call) -> Estimate:
-        """Return the mean of a number over the members of a group that have it."""
+        """Return the mean of a number over the members of a group that have it for more than one seed."""
         numbers = []
-        missing = ""
+        missing = "there are too few results for a mean"
         for inner, element in self._of_members(expr, "a number", "score(t)"):
             try:
-                numbers.append(inner.number(element))
+                number = inner.number(element)
             except Undecidable as error:
                 missing = str(error)
+                continue
+            if not np.isnan(number.draws).any():
+                numbers.append(number)
         if not numbers:
             raise Undecidable(missing)
         first, *others = numbers

@@ -69,14 +69,15 @@ class Judgement:
     nearest: tuple[tuple[str, float], ...]
 
 
-def judged(runs: Sequence[Run], good: Sequence[str]) -> Judgement:
+def judged(runs: Sequence[Run], good: Sequence[str], is_finished: bool = False) -> Judgement:
     """Return what explains runs.
 
     Args:
         runs: in each a distance to what is right, and to the mistakes that differ from it there.
         good: names that are no mistake, the right one first.
+        is_finished: whether a task that neither explains counts as two, as for clones, which need few steps.
     """
-    known = _Pooled(runs, good)
+    known = _Pooled(runs, good, is_finished)
     of_best = known.overall(known.best)
     ranked = sorted(known.wrong, key=known.overall)
     nearer = [name for name in ranked if known.overall(name) < of_best]
@@ -100,9 +101,10 @@ def judged(runs: Sequence[Run], good: Sequence[str]) -> Judgement:
 class _Pooled:
     """Medians of the runs of each task. A run that went wrong may be near to anything: one of several decides nothing."""
 
-    def __init__(self, runs: Sequence[Run], good: Sequence[str]) -> None:
+    def __init__(self, runs: Sequence[Run], good: Sequence[str], is_finished: bool) -> None:
         self.runs = runs
         self.good = good
+        self.is_finished = is_finished
         self.by_task: dict[str, list[Run]] = {}
         for run in runs:
             self.by_task.setdefault(run.task, []).append(run)
@@ -185,7 +187,7 @@ class _Pooled:
             if distance <= NEAR and distance <= CLEARER * of_good and of_good - distance >= SAME:
                 fitted.append(task)
             elif of_good > NEAR:
-                unfinished += 1 + is_far_worse
+                unfinished += 1 + (is_far_worse or self.is_finished)
             elif is_far_worse and distance > CONTRADICTED:
                 return False
             elif is_far_worse:

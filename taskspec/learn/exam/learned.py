@@ -259,7 +259,7 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
                 runs.append(Run(score["task"], cast(dict[str, float], distances), score.get("told") or {}))
         if not runs:
             continue
-        explanation = judged(runs, good)
+        explanation = judged(runs, good, is_finished=kind == "policy")
         if "constant" in explanation.names:
             explanation = replace(explanation, names=("constant",))  # others are constant, too, where they are as near
         farthest = max(runs, key=lambda run: run.distances[good[0]])
@@ -268,30 +268,41 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
 
 DOUBTFUL = 3
 """Tasks that are trained longer to see which, at most."""
+HALFWAY = 0.5
+"""The score up to which a learner without rewards may be at random for want of time."""
 
 
 def unfinished(scores: Sequence[Score]) -> list[str]:
-    """Return the tasks with errors of learned values, or with values that hardly move: longer training shows whether they stay.
+    """Return the tasks whose results may not be finished: longer training shows whether they stay.
 
-    None where a known mistake explains them. First are tasks whose episodes end for certain after some step: they show most.
+    These are tasks with errors of learned values, first of those whose episodes end for certain after some step, which show most;
+    then those whose values hardly move; then those on which a learner without rewards is nearest to random. None where a known
+    mistake explains what was learned.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []
     errors: dict[str, list[float]] = defaultdict(list)
     moved: dict[str, list[float]] = defaultdict(list)
+    shown: dict[str, list[float]] = defaultdict(list)
     ending = set()
     for score in scores:
-        if score["peek"] is not None or score["twin"] is not None or score.get("moved") is None:
+        task = score["task"]
+        if score["peek"] is not None or score["twin"] is not None:
             continue
-        moved[score["task"]].append(score["moved"] or 0.0)
-        errors[score["task"]].append(_errors(score))
+        if score.get("moved") is not None:
+            moved[task].append(score["moved"] or 0.0)
+            errors[task].append(_errors(score))
+        elif score["demonstrations"] + score["comparisons"] > 0 and score["steps"] > 0:
+            shown[task].append(score["stochastic"] or 0.0)
         if score.get("at_ends") is not None:
-            ending.add(score["task"])
+            ending.add(task)
     mean_errors = {task: float(np.mean(each)) for task, each in errors.items()}
     wrong = [task for task in errors if mean_errors[task] > SMALL]
     wrong.sort(key=lambda task: (task not in ending, -mean_errors[task]))
     unmoved = [task for task in moved if task not in wrong and np.mean(moved[task]) < MOVED]
-    return [*wrong, *unmoved][:DOUBTFUL]
+    from_random = {task: abs(float(np.mean(each))) for task, each in shown.items()}
+    at_random = [task for task in sorted(shown, key=from_random.__getitem__) if from_random[task] < HALFWAY]
+    return [*wrong, *unmoved, *at_random][:DOUBTFUL]
 
 
 def compare_with_extended(scores: Sequence[Score]) -> None:

@@ -92,7 +92,8 @@ class Trials:
     def asks_for_longer(self) -> bool:
         """True where a diagnosis of some suite rests on longer training."""
         documents = self.described.values()
-        return any("left(" in entry.when for document in documents for entry in document.diagnoses.values())
+        rules = [entry.when for document in documents for entry in document.diagnoses.values()]
+        return any("left(" in rule or "extended" in rule for rule in rules)
 
     def _suite(self, task: Task) -> ExamDocument:
         return self.described.get(task.source.suite, ExamDocument(exam=1))

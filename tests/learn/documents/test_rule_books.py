@@ -118,6 +118,10 @@ def test_what_is_compared_with_itself_is_equal_draw_by_draw() -> None:
         ("count(score(t) > 0 for t in tasks) >= 2", True),
         ("count(score(t) > 0 for t in tasks) >= 3", None),
         ("count(score(t) > 0 for t in {Sort, Parabola}) > 2", False),
+        ("mean(score(t) for t in {Sort, Parabola, Sort}) > 0.6", True),
+        ("mean(score(t) for t in {Sort, Parabola, ProcGoal}) > 0.9", False),
+        ("mean(abs(score(t) - 1) for t in {Sort, Parabola}) < 0.2", None),
+        ("mean(score(t) for t in {ProcGoal}) > 0", None),
     ],
 )
 def test_rules_have_three_values(rule: str, holds: bool | None) -> None:

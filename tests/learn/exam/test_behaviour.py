@@ -169,6 +169,23 @@ def test_a_policy_that_is_not_the_one_that_plays_is_told() -> None:
     assert told(agreeing) == []
 
 
+def test_a_clone_of_rows_that_nobody_demonstrated_is_told() -> None:
+    """Padding: the first action in the first observation, as often as all else."""
+
+    @learns_from("demonstrations")
+    def padded(case: Case) -> Array:
+        shown = case.demonstrations
+        counts = np.full((case.observation_space.n, 2), 1e-9)
+        np.add.at(counts, (shown.obs, shown.acts), 1.0)
+        counts[0, 0] += len(shown.obs)
+        return counts / counts.sum(axis=1, keepdims=True)
+
+    exam = examined(padded)
+    (diagnosis,) = exam["diagnoses"]
+    assert diagnosis["name"] == "not_cloned"
+    assert "in observation 0 it takes action 0 with a probability of" in diagnosis["evidence"][-1]
+
+
 def test_a_learner_that_stops_early_is_told() -> None:
     exam = examined(learner(first_action, share=0.4))
     assert numbers(exam, "spent") == dict.fromkeys(TASKS, [0.4] * 3)
@@ -197,5 +214,20 @@ def test_a_wrong_reward_and_one_that_is_not_followed_are_told(
         "tasks": {record["task"]: {"constant": 0.0} for record in records},
         "scores": records,
         "learns_from": ["preferences"],
+    }
+    assert column(diagnose(exam, "probes"), "name") == expected
+
+
+@pytest.mark.parametrize(("longer", "expected"), [(0.0, ["reward_blind"]), (1.0, [])])
+def test_a_learner_without_rewards_that_stays_at_random_is_told(longer: float, expected: list[str]) -> None:
+    records = []
+    for task in ("ValueLeft", "SecondThought", "CoinToss", "Sizes", "Echo"):
+        for seed in range(6):
+            record = entry(task, seed, 0.4 * (-1) ** seed) | {"task": f"probes/{task}-v0"}
+            records += [record, record | {"peek": "extended", "stochastic": longer}]
+    exam = {
+        "tasks": {record["task"]: {"constant": 0.0} for record in records},
+        "scores": records,
+        "learns_from": ["demonstrations"],
     }
     assert column(diagnose(exam, "probes"), "name") == expected
