@@ -275,30 +275,27 @@ HALFWAY = 0.5
 def unfinished(scores: Sequence[Score]) -> list[str]:
     """Return the tasks whose results may not be finished: longer training shows whether they stay.
 
-    These are tasks with errors of learned values, first of those whose episodes end for certain after some step, which show most;
-    then those whose values hardly move; then those on which a learner without rewards is nearest to random. None where a known
-    mistake explains what was learned.
+    These are tasks with errors of learned values whose episodes end for certain after some step, which show most; then those whose
+    values hardly move; then those on which a learner without rewards is nearest to random. None where a known mistake explains
+    what was learned.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []
     errors: dict[str, list[float]] = defaultdict(list)
     moved: dict[str, list[float]] = defaultdict(list)
     shown: dict[str, list[float]] = defaultdict(list)
-    ending = set()
     for score in scores:
         task = score["task"]
         if score["peek"] is not None or score["twin"] is not None:
             continue
         if score.get("moved") is not None:
             moved[task].append(score["moved"] or 0.0)
-            errors[task].append(_errors(score))
         elif score["demonstrations"] + score["comparisons"] > 0 and score["steps"] > 0:
             shown[task].append(score["stochastic"] or 0.0)
         if score.get("at_ends") is not None:
-            ending.add(task)
+            errors[task].append(_errors(score))
     mean_errors = {task: float(np.mean(each)) for task, each in errors.items()}
-    wrong = [task for task in errors if mean_errors[task] > SMALL]
-    wrong.sort(key=lambda task: (task not in ending, -mean_errors[task]))
+    wrong = [task for task in sorted(errors, key=lambda task: -mean_errors[task]) if mean_errors[task] > SMALL]
     unmoved = [task for task in moved if task not in wrong and np.mean(moved[task]) < MOVED]
     from_random = {task: abs(float(np.mean(each))) for task, each in shown.items()}
     at_random = [task for task in sorted(shown, key=from_random.__getitem__) if from_random[task] < HALFWAY]
