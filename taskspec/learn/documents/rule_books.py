@@ -23,7 +23,8 @@ from taskspec.learn.documents.document_models import (
     FindingsDocument,
     check_document,
 )
-from taskspec.learn.documents.score_rules import RuleNames, check_rule
+from taskspec.learn.documents.score_rules import check_rule
+from taskspec.learn.documents.score_words import RuleNames
 from taskspec.show.bibliography import Reference, beside
 
 EXAM = "exam.yaml"

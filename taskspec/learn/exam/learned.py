@@ -275,9 +275,8 @@ HALFWAY = 0.5
 def unfinished(scores: Sequence[Score]) -> list[str]:
     """Return the tasks whose results may not be finished: longer training shows whether they stay.
 
-    These are tasks with errors of learned values whose episodes end for certain after some step, which show most; then those whose
-    values hardly move; then those on which a learner without rewards is nearest to random. None where a known mistake explains
-    what was learned.
+    First are tasks with errors of learned values, whose episodes end for certain after some step; then those whose values hardly
+    move; then those on which a learner without rewards is nearest to random. None where a known mistake explains what it learned.
     """
     if any(each.is_mistake for each in explanations(scores)):
         return []

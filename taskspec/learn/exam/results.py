@@ -43,7 +43,8 @@ Score = TypedDict(
         "value": NotRequired[float | None], "explained": NotRequired[float | None], "longer": NotRequired[float | None],
         "reseeded": NotRequired[float | None], "tried": NotRequired[float | None], "agrees": NotRequired[float | None],
         "at_ends": NotRequired[float | None], "before_ends": NotRequired[float | None], "left": NotRequired[float],
-        "apart": NotRequired[float | None], "spent": NotRequired[float], "moved": NotRequired[float | None], "worst_step": NotRequired[str | None],
+        "spent": NotRequired[float], "moved": NotRequired[float | None], "apart": NotRequired[float | None],
+        "worst_step": NotRequired[str | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or (`peek`) with the reward negated, or trained for longer
@@ -59,7 +60,8 @@ in units of the expert's return less that of random actions, `explained` how muc
 usual action is what the policy does; `at_ends` and `before_ends` are errors of learned values, of steps that end the episode and
 of those that go on, `left` the share of both that longer training leaves; `moved` is how far they are from their first values,
 as a share of the spread of right ones, `apart` how far a policy is from what was demonstrated, `worst_step` the step with the
-largest of these errors, in words. Points of the `curve` are policies that the learner showed, else means of its training episodes."""
+largest of these errors, in words. Points of the `curve` are policies that the learner showed, else means of its training
+episodes."""
 
 
 class Examined(TypedDict):

@@ -13,20 +13,9 @@ from taskspec.language import registry
 from taskspec.language.expressions import syntax as s
 from taskspec.language.expressions.parse import parse
 from taskspec.learn.documents.rule_books import read_exam
-from taskspec.learn.documents.score_rules import (
-    ABOUT_LEARNER,
-    FIXED,
-    FUNCTIONS,
-    NUMBERS,
-    ONE,
-    QUANTIFIERS,
-    SIDES,
-    Comparison,
-    RuleNames,
-    ScoreEvaluator,
-    SeedScores,
-    check_rule,
-)
+from taskspec.learn.documents.score_rules import Comparison, ScoreEvaluator, check_rule
+from taskspec.learn.documents.score_words import ABOUT_LEARNER, FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleNames
+from taskspec.learn.documents.seed_scores import ONE, SeedScores
 from taskspec.learn.statistics import estimate
 from tests.shared.exams import TITLES, entry, exam
 from tests.shared.for_each import for_each
