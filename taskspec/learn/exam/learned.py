@@ -302,7 +302,10 @@ def unfinished(scores: Sequence[Score]) -> list[str]:
 
 
 def compare_with_extended(scores: Sequence[Score]) -> None:
-    """Add the share of the errors that longer training leaves, to the scores of the same task and seed."""
+    """Add the share of the errors that longer training leaves, to the scores of the same task and seed.
+
+    Errors count that both have: steps that go on are only some of those before an end, or none, where a policy never takes them.
+    """
     extended = {}
     for score in scores:
         if score["peek"] == "extended":
@@ -311,13 +314,19 @@ def compare_with_extended(scores: Sequence[Score]) -> None:
         later = extended.get((score["task"], score["seed"]))
         if later is None or score["peek"] is not None or score["twin"] is not None:
             continue
-        before = _errors(score)
+        before = _errors(score, later)
         if before > 0 and later["steps"] >= 2 * score["steps"]:
-            score["left"] = _errors(later) / before
+            score["left"] = _errors(later, score) / before
 
 
-def _errors(score: Score) -> float:
-    return (score.get("at_ends") or 0.0) + (score.get("before_ends") or 0.0)
+def _errors(score: Score, other: Score | None = None) -> float:
+    """Return the sum of the errors of learned values; with another score, of those that it has as well."""
+    counted = []
+    if (other or score).get("at_ends") is not None:
+        counted.append(score.get("at_ends") or 0.0)
+    if (other or score).get("before_ends") is not None:
+        counted.append(score.get("before_ends") or 0.0)
+    return sum(counted)
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:

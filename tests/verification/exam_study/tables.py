@@ -18,7 +18,7 @@ from taskspec.language.task.task import Task
 from taskspec.learn.exam import fingerprints
 from taskspec.learn.exam.asked_tasks import exam_id
 from taskspec.learn.exam.case import ExamTerms
-from taskspec.learn.exam.learned import learned_fields
+from taskspec.learn.exam.learned import compare_with_extended, learned_fields
 from taskspec.learn.exam.results import Exam, read, write
 
 NAME = "learned.npz"
@@ -83,6 +83,7 @@ class Tables:
                     },
                 }
             scores.append(score)
+        compare_with_extended(scores)
         return {**exam, "scores": scores}
 
     def _learned(self, task: str, seed: int) -> Learned | None:
