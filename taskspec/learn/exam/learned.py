@@ -78,6 +78,7 @@ def learned_fields(
         fields |= pairing_fields(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         fields |= reward_fields(task, learned.reward)
+        fields["apart"] = None  # visits are matched, not the actions of each observation
     if sees_reward:
         fields |= _value_fields(task, learned, counts)
     return fields
