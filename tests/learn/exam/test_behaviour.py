@@ -10,6 +10,7 @@ import pytest
 from taskspec.exam import Case, Exam, Learned, examine, learns_from
 from taskspec.learn.exam.card import card
 from taskspec.learn.exam.findings import diagnose
+from taskspec.learn.exam.learned import compare_with_extended
 from taskspec.learn.exam.report import page
 from tests.shared.exams import column, entry
 
@@ -120,6 +121,15 @@ def test_values_that_are_not_finished_are_told_nothing() -> None:
     assert min(numbers(exam, "at_ends")["Patience"]) > 0.2
     assert numbers(exam, "left")["Patience"] == pytest.approx([0.125] * 3)
     assert told(exam) == []
+
+
+def test_errors_are_compared_where_both_runs_have_them() -> None:
+    """A policy may never take the steps that go on, in one of two runs."""
+    before = entry("Sizes", 0, 0.0, at_ends=2.0, before_ends=None)
+    later = entry("Sizes", 0, 0.0, at_ends=1.0, before_ends=9.0, peek="extended") | {"steps": 200_000}
+    scores: Any = [before, later]
+    compare_with_extended(scores)
+    assert before["left"] == 0.5
 
 
 def test_values_that_hardly_move_are_told() -> None:
